@@ -395,6 +395,30 @@ TEST(IsmkNotch, OfARigidLoadThereIsNone) {
   EXPECT_EQ(rig.get(0x250B, 1), 550);
 }
 
+// The rate of sampling (60F9h sub 6, bit 7) acts when the motor has no power: estimator and search use the rate in
+// force.
+TEST(IsmkAutoTuning, ComputesWithTheRateInForce) {
+  TuningRig rig(loaded(3.0));
+  rig.set(0x2340, 0x10, 0x01);
+  const std::int64_t slow = rig.get(0x60F9, 6);
+  rig.turn(1);
+  rig.control(0x06);
+  rig.run_ms(300);
+  ASSERT_EQ(rig.set(0x60F9, 6, slow ^ 0x80), AbortCode::none);
+  ASSERT_TRUE(rig.enable());
+  rig.run_ms(50);
+  rig.goal = rig.get(0x6064);
+  for (int i = 0; i < 6; ++i) rig.turn(i % 2 == 0 ? 1 : -1);
+  EXPECT_TRUE(rig.tuning().identified());
+  EXPECT_NEAR(rig.error_percent(3.0), 0.0, 5.0);
+}
+TEST(IsmkNotch, ComputesWithTheRateInForce) {
+  RingingRig rig(200.0, 1.0, 60.0);
+  ASSERT_EQ(rig.set(0x60F9, 6, rig.get(0x60F9, 6) ^ 0x80), AbortCode::none);
+  ASSERT_TRUE(rig.analyse(0xA0));
+  EXPECT_NEAR(static_cast<double>(rig.get(0x60F9, 3)), 200.0, 6.0);
+}
+
 }  // namespace
 }  // namespace ismk_tuning_test
 }  // namespace servodrome

@@ -108,9 +108,7 @@ void LoopTuning::written(const dictionary::Entry& entry, ServoObjects& objects, 
       if ((objects.tuning.notch_control & notch_control::run) != 0 && !analysing_) {
         const std::uint8_t control = objects.tuning.notch_control;
         using Analysis = drive::ResonanceAnalysis;
-        const std::uint8_t ticks = (gains.feedback_mode & fast_sampling) != 0 ? fast_rates.velocity_loop_ticks
-                                                                              : slow_rates.velocity_loop_ticks;
-        analysis_.begin({.sample_s = static_cast<float>(ticks * drive::tick_seconds),
+        analysis_.begin({.sample_s = static_cast<float>(drive.rates().velocity_loop_ticks * drive::tick_seconds),
                          .amplitude = excitation,
                          .answer = (control & notch_control::actual_speed) != 0 ? Analysis::Answer::position
                                                                                 : Analysis::Answer::controller});
@@ -170,16 +168,18 @@ bool LoopTuning::tune_online(drive::Drive& drive, ServoObjects& objects) {
   constexpr std::uint8_t of_the_estimator = auto_tuning::enabled | auto_tuning::not_forward | auto_tuning::not_reverse;
   const std::uint8_t control = objects.tuning.control;
   const drive::MotorData& motor = drive.configuration().motor;
-  if ((control & of_the_estimator) != learning_) {
+  const double cycle_s = drive.axis().cycle_s;
+  if ((control & of_the_estimator) != learning_ || (learning_ != 0 && cycle_s != learned_cycle_s_)) {
     learning_ = (control & auto_tuning::enabled) != 0 ? control & of_the_estimator : 0;
     if (learning_ == 0) return false;
     bool forward = (control & auto_tuning::not_forward) == 0;
     bool reverse = (control & auto_tuning::not_reverse) == 0;
     if (drive.axis().units.velocity_inverted) std::swap(forward, reverse);
     windows_ = 0;
+    learned_cycle_s_ = cycle_s;
     estimator_.begin({.counts_per_revolution = static_cast<double>(motor.counts_per_revolution),
                       .rated_torque_nm = static_cast<double>(motor.rated_torque_nm),
-                      .cycle_s = drive.axis().cycle_s,
+                      .cycle_s = cycle_s,
                       .memory_windows = memory_windows,
                       .forward = forward,
                       .reverse = reverse});

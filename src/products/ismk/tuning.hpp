@@ -89,7 +89,8 @@ class LoopTuning {
   drive::InertiaEstimate estimate_{};
   std::uint32_t windows_ = 0;  // of the estimator at the last call
   drive::InertiaEstimator estimator_{};
-  std::uint8_t learning_ = 0;  // Auto_Tuning_Control at the start of the estimator
+  std::uint8_t learning_ = 0;     // Auto_Tuning_Control at the start of the estimator
+  double learned_cycle_s_ = 0.0;  // the cycle of the estimator
   bool identified_ = false;
   bool recognising_ = false;
   bool analysing_ = false;
