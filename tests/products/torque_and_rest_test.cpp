@@ -2,7 +2,9 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <gtest/gtest.h>
+#include <vector>
 
 #include "ismk_rig.hpp"
 #include "jmc_rig.hpp"
@@ -154,6 +156,121 @@ TEST(TorqueBegins, WithTheLoadAtRest) {
       EXPECT_NEAR(demanded(), held, 15.0);
       axis.run_ms(1000);
       EXPECT_NEAR(demanded(), held - std::copysign(100.0, held), 15.0);
+    }
+  }
+}
+
+// The reference drive with a load that hangs on the shaft. The drive waits 80 ms for the brake, which opens after 30
+// ms.
+struct Hanging : test::Rig<products::Generic402> {
+  explicit Hanging(std::int64_t mode) : Rig(test::hanging(test::default_plant(), 0.6, 3.0)) {
+    set(0x2020, 1, 80);
+    set(0x2020, 2, 40);
+    set(0x6060, 0, mode);
+    set(0x605D, 0, 1);
+    set(0x6084, 0, 100 * turn);
+    set(0x6085, 0, 100 * turn);
+    set(0x6087, 0, 10);  // the load stays held for a long time
+    run_ms(1);
+    control(0x06);
+    control(0x07);
+    run_ms(200);
+  }
+  double turns() { return static_cast<double>(plant.position_counts()) / turn; }
+  // The way from the present position to the farthest one within this time.
+  double strays(int milliseconds) {
+    const double here = turns();
+    double most = 0.0;
+    for (int ms = 0; ms < milliseconds; ++ms) {
+      run_ms(1);
+      most = std::max(most, std::abs(turns() - here));
+    }
+    return most;
+  }
+};
+
+// While the brake opens the loops hold the load. The torque begins with it, whatever happens meanwhile.
+TEST(TorqueBegins, WithTheLoadThatTheBrakeHeld) {
+  struct Event {
+    const char* name;
+    std::int64_t mode;  // at the beginning
+    std::function<void(Hanging&)> action;
+  };
+  const std::vector<Event> events{
+      {"enabled in the mode", 4, [](Hanging&) {}},
+      {"the mode is chosen meanwhile", 1, [](Hanging& axis) { axis.set(0x6060, 0, 4); }},
+      {"the mode is left and chosen again", 4,
+       [](Hanging& axis) {
+         axis.set(0x6060, 0, 3);
+         axis.run_ms(3);
+         axis.set(0x6060, 0, 4);
+       }},
+      {"enabled twice", 4, [](Hanging& axis) { axis.control(0x0F); }},
+      {"a halt that ends meanwhile", 4,
+       [](Hanging& axis) {
+         axis.control(0x10F);
+         axis.run_ms(3);
+         axis.control(0x0F);
+       }},
+      {"a halt that ends afterwards", 4,
+       [](Hanging& axis) {
+         axis.control(0x10F);
+         axis.run_ms(100);
+         axis.control(0x0F);
+       }},
+      {"disabled and enabled", 4,
+       [](Hanging& axis) {
+         axis.control(0x07);
+         axis.run_ms(3);
+         axis.control(0x0F);
+       }},
+      {"power off and on", 4,
+       [](Hanging& axis) {
+         axis.control(0x00);
+         axis.run_ms(100);
+         for (const auto word : std::to_array<std::uint16_t>({0x06, 0x07, 0x0F})) axis.control(word);
+       }},
+      {"quick stop and back", 4,
+       [](Hanging& axis) {
+         axis.set(0x605A, 0, 6);
+         axis.control(0x02);
+         axis.run_ms(100);
+         axis.control(0x0F);
+       }},
+  };
+  for (const Event& event : events) {
+    for (const int after_ms : {2, 20, 50}) {
+      SCOPED_TRACE(testing::Message() << event.name << ", after " << after_ms << " ms");
+      Hanging axis(event.mode);
+      axis.control(0x0F);
+      axis.run_ms(after_ms);
+      event.action(axis);
+      EXPECT_LT(axis.strays(500), 0.02);
+      EXPECT_EQ(axis.status() & 0x6F, 0x27);
+      EXPECT_EQ(axis.get(0x6061), 4);
+      EXPECT_NEAR(axis.plant.torque_nm(), 0.6, 0.05);
+    }
+  }
+}
+
+TEST(TorqueBegins, NotAfterAStopWhileTheBrakeOpens) {
+  for (const std::uint16_t word : std::to_array<std::uint16_t>({0x02, 0x06, 0x07})) {
+    for (const bool fault : {false, true}) {
+      for (const int after_ms : {2, 20, 50}) {
+        SCOPED_TRACE(testing::Message() << std::hex << word << (fault ? ", fault" : "") << std::dec << after_ms);
+        Hanging axis(4);
+        for (const auto code : std::to_array<std::uint16_t>({0x605B, 0x605C})) axis.set(code, 0, 1);
+        axis.set(0x605E, 0, 2);
+        axis.control(0x0F);
+        axis.run_ms(after_ms);
+        const double before = axis.turns();
+        axis.control(word);
+        if (fault) axis.device.drive().inject(drive::Cause::motor_hot, true);
+        axis.strays(500);
+        EXPECT_NEAR(axis.turns(), before, 0.02);
+        EXPECT_FALSE(axis.actuation.pwm_enabled);
+        EXPECT_FALSE(axis.actuation.brake_released);
+      }
     }
   }
 }

@@ -1,5 +1,7 @@
 #include "drive/modes/velocity_modes.hpp"
 
+#include <utility>
+
 #include "drive/power/power_state.hpp"
 
 namespace servodrome::drive {
@@ -283,14 +285,18 @@ void VelocityMode::step(Axis& axis) {
 
 // --- Profile torque
 
+void ProfileTorque::enter(Axis& axis) {
+  begun_ = target_reached_ = false;
+  axis.limited = false;
+}
+
 // At rest the torque begins with the load that the loops held. While the axis moves, the computed load may in fact be
 // the torque that brakes the axis, because the inertia is not known. It must not drive the axis on, so only the part in
-// the direction of the target is kept.
-void ProfileTorque::enter(Axis& axis) {
+// the direction of the target is kept. The mode begins with its first step, not when it is entered: the load may come
+// only between, when the brake opens.
+void ProfileTorque::begin(const Axis& axis) {
   const LoopDemand& demand = axis.demand;
   const float sense = axis.units.velocity_inverted ? -1.0F : 1.0F;
-  target_reached_ = false;
-  axis.limited = false;
   if (demand.loop == Loop::torque) return begin_at(sense * demand.torque);
   const float load = sense * axis.loops->load_torque;
   const bool held = demand.loop == Loop::locked || axis.follows_demand();
@@ -309,6 +315,7 @@ void ProfileTorque::begin_at(float torque) {
 }
 
 void ProfileTorque::step(Axis& axis) {
+  if (!std::exchange(begun_, true)) begin(axis);
   const Objects& objects = axis.objects;
   const float target = ProfileTorque::target(axis);
   const float slope = static_cast<float>(objects.torque_slope) * 0.001F;

@@ -148,6 +148,7 @@ class ProfileTorque {
 
  private:
   static float target(const Axis& axis);
+  void begin(const Axis& axis);
   void begin_at(float torque);
   void keep_to_limits(Axis& axis);
   void demand_torque(Axis& axis) const;
@@ -156,6 +157,7 @@ class ProfileTorque {
   float start_ = 0.0F;   // sin2 slope: where the present ramp began
   float goal_ = 0.0F;
   float phase_ = 1.0F;  // 0 .. 1 along the sin2 ramp
+  bool begun_ = false;  // the mode has demanded a torque since it was entered
   bool target_reached_ = false;
 };
 
