@@ -225,6 +225,11 @@ class Drive final : public dictionary::Listener {
   void handle_controlword(std::uint16_t before, std::uint16_t now);
   void handle_command(Command command);
   Stop stop_of(std::int16_t code) const;
+  Stop stop_in_switched_on(Command command) const;
+  // A quick stop ends in Switch on disabled; from Switched on there is no state Quick stop active on the way.
+  bool quick_stops_in_switched_on() const {
+    return stop_.active() && pending_.active && pending_.to == PowerState::switch_on_disabled;
+  }
   // Interpolated position is active, with the buffer 60C4h.
   bool buffers_records() const {
     return mode_ == Mode::interpolated_position && state_ == PowerState::operation_enabled &&

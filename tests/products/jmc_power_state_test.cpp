@@ -1,4 +1,6 @@
+#include <functional>
 #include <gtest/gtest.h>
+#include <vector>
 
 #include "jmc_bus.hpp"
 
@@ -155,6 +157,68 @@ TEST(JmcPowerState, OptionCodes) {
 }
 
 // 605Bh = 0, 605Eh = 0: without a ramp.
+// In Switched on the motor has power (C-30) and may still turn: 605Ch = 0 goes there without a ramp. The commands that
+// end it brake by their own option codes.
+TEST(JmcPowerState, StopsInSwitchedOn) {
+  struct Case {
+    const char* name;
+    std::function<void(JmcRig&)> stop;
+    double deceleration;
+    int state;
+  };
+  const std::vector<Case> cases{
+      {"quick stop", [](JmcRig& rig) { rig.control(0x02); }, 800000.0, 0x40},
+      {"quick stop, and commands that come too late",
+       [](JmcRig& rig) {
+         for (const int word : {0x02, 0x06, 0x07, 0x0F, 0x02}) rig.control(static_cast<std::uint16_t>(word));
+       },
+       800000.0, 0x40},
+      {"communication lost",
+       [](JmcRig& rig) {
+         rig.set(0x6007, 0, 3);
+         rig.device.drive().communication_lost();
+       },
+       800000.0, 0x40},
+      {"shutdown",
+       [](JmcRig& rig) {
+         rig.set(0x605B, 0, 1);
+         rig.control(0x06);
+       },
+       200000.0, 0x21},
+      {"shutdown that is taken back",
+       [](JmcRig& rig) {
+         rig.set(0x605B, 0, 1);
+         rig.control(0x06);
+         rig.run_ms(1);
+         rig.control(0x07);
+       },
+       200000.0, 0x23},
+  };
+  for (const Case& stop : cases) {
+    SCOPED_TRACE(stop.name);
+    JmcRig rig;
+    rig.open_limits();
+    rig.set(0x605C, 0, 0);
+    rig.set(0x6084, 0, 200000);
+    rig.set(0x6060, 0, 3);
+    rig.set(0x60FF, 0, 60000);
+    ASSERT_TRUE(rig.enable());
+    rig.run_ms(600);
+    ASSERT_NEAR(rig.plant.velocity_rpm(), 900.0, 10.0);
+    rig.control(0x07);
+    rig.run_ms(1);
+    ASSERT_EQ(rig.status() & 0x6F, 0x23);
+    stop.stop(rig);
+    const double speed = rig.device.drive().axis().generator.velocity();
+    rig.run_ms(20);
+    EXPECT_NEAR(rig.device.drive().axis().generator.velocity(), speed - 0.02 * stop.deceleration, 0.1 * speed);
+    EXPECT_TRUE(rig.actuation.pwm_enabled);
+    rig.run_ms(800);
+    EXPECT_NEAR(rig.plant.velocity_rpm(), 0.0, 1.0);
+    EXPECT_EQ(rig.status() & 0x6F, stop.state);
+  }
+}
+
 TEST(JmcPowerState, DisableWithoutRamp) {
   JmcRig rig;
   rig.open_limits();

@@ -45,6 +45,8 @@ bool Drive::accepts(const Transition& transition) const {
       return policy_.power.transition_16 && !pending_.active && !axis_.active(Signal::quick_stop) &&
              has(policy_.power.option_codes.quick_stop_continues, axis_.objects.quick_stop_option_code);
     case release_quick_stop: return !pending_.active;
+    case 4:
+    case 6: return !quick_stops_in_switched_on();
     default: return true;
   }
 }
@@ -52,11 +54,11 @@ bool Drive::accepts(const Transition& transition) const {
 void Drive::handle_command(Command command) {
   if (command != Command::switch_on && command != Command::enable_operation) waiting_.waits = false;
   const bool disables_voltage = pending_.active && pending_.to == PowerState::switch_on_disabled;
-  if (state_ == PowerState::operation_enabled && pending_.active && !disables_voltage &&
-      command == Command::enable_operation) {
-    // The command enables operation again while a stop would end it: the mode continues from the present motion.
-    pending_ = {};
-    enter_state(PowerState::operation_enabled);
+  const bool stays = (state_ == PowerState::operation_enabled && command == Command::enable_operation) ||
+                     (state_ == PowerState::switched_on && command == Command::switch_on);
+  if (stays && pending_.active && !disables_voltage) {
+    // The command asks for the present state while a stop would end it: the mode continues from the present motion.
+    enter_state(state_);
     return;
   }
   const Transition* transition = transitions_.find(state_, command);
@@ -94,7 +96,7 @@ void Drive::handle_command(Command command) {
       break;
     default:
       if (energised() && !has_power_in(transition->to)) {  // products that energise the motor in Switched on
-        leave_operation(Stop::power_off, transition->to);
+        leave_operation(stop_in_switched_on(command), transition->to);
       } else {
         enter_state(transition->to);
       }
@@ -124,6 +126,14 @@ void Drive::step_dc_link() {
 Stop Drive::stop_of(std::int16_t code) const {
   const std::int16_t at_once = policy_.power.option_codes.at_once_from;
   return at_once != 0 && code >= at_once ? Stop::current_limit : stop_of_option_code(code);
+}
+
+// A motor with power in Switched on may still turn, for example after transition 5 without a ramp. The commands then
+// stop it as they do in Operation enabled.
+Stop Drive::stop_in_switched_on(Command command) const {
+  if (command == Command::quick_stop) return stop_of(axis_.objects.quick_stop_option_code);
+  if (command == Command::shutdown) return stop_of_option_code(axis_.objects.shutdown_option_code);
+  return Stop::power_off;
 }
 
 bool Drive::has_power_in(PowerState state) const {
