@@ -116,7 +116,8 @@ void Drive::limit_switches(Counts before) {
 void Drive::hold_by_current() {
   const float current_a = axis_.configuration.standstill_current_a;
   const bool may = current_a > 0.0F && mode_ == Mode::profile_position && state_ == PowerState::operation_enabled &&
-                   stage_.is_on() && !stop_.active() && !pending_.active && axis_.generator.standing();
+                   stage_.is_on() && !stop_.active() && !pending_.active && !identification_.running() &&
+                   axis_.generator.standing();
   held_by_current_ = may && (held_by_current_ || (axis_.objects.statusword & statusword::target_reached) != 0);
   if (!held_by_current_) return;
   axis_.demand.loop = Loop::locked;

@@ -1,4 +1,5 @@
 #include <cmath>
+#include <cstdio>
 #include <gtest/gtest.h>
 
 #include "ismk_rig.hpp"
@@ -89,6 +90,53 @@ TEST(StepStop, ASetPointAfterASlipIsNoSprint) {
       EXPECT_NEAR(rig.turns(), ends, 0.003);
     }
   }
+}
+
+// A load that hangs on the shaft: the position loop takes it over from the direct current.
+struct HangingStepStop : test::IsmkRig {
+  HangingStepStop() : IsmkRig(test::hanging(test::ismk_plant(), 0.15, 0.0), test::ismk_settings()) {
+    set(0x2340, 1, 1);
+    set(0x2340, 2, 600);
+    set(0x6060, 0, 1);
+    set(0x6081, 0, std::llround(velocity_dec_from_rpm(300)));
+    run_ms(5);
+    control(0x0F);
+    run_ms(500);
+    set(0x607A, 0, 65536);
+    control(0x1F);
+    run_ms(5);
+    control(0x0F);
+    run_ms(1800);
+    EXPECT_EQ(device.drive().axis().demand.loop, drive::Loop::locked);
+  }
+  double turns() const { return static_cast<double>(plant.position_counts()) / turn; }
+};
+
+TEST(StepStop, ItsEndDoesNotDropALoad) {
+  HangingStepStop rig;
+  const double stood = rig.turns();
+  rig.set(0x6083, 0, 1);  // the demand hardly moves
+  rig.set(0x607A, 0, 131072);
+  rig.control(0x1F);
+  double sinks = 0.0;
+  for (int i = 0; i < 16 * 100; ++i) {
+    rig.tick();
+    sinks = std::max(sinks, stood - rig.turns());
+  }
+  std::printf("sinks by %.5f turns\n", sinks);
+  EXPECT_NE(rig.device.drive().axis().demand.loop, drive::Loop::locked);
+  EXPECT_LT(sinks, 0.0005);
+}
+
+TEST(StepStop, IdentificationHoldsTheLoad) {
+  HangingStepStop rig;
+  const double stood = rig.turns();
+  ASSERT_TRUE(rig.device.drive().identify_inertia(
+      {.travel_counts = turn, .speed_counts_per_s = 5.0 * turn, .torque_limit = 0.5F}));
+  rig.run_ms(20);
+  EXPECT_NEAR(rig.turns(), stood, 0.005);
+  ASSERT_GE(rig.run_until([&] { return !rig.device.drive().identification().running(); }, 6000.0), 0);
+  EXPECT_EQ(rig.device.drive().identification().outcome(), drive::InertiaIdentification::Outcome::done);
 }
 
 }  // namespace

@@ -97,17 +97,21 @@ void Cascade::set_demand(const LoopDemand& demand) {
     keep_load();
   if (demand.loop == previous) return;
   velocity_forward_.settle(demand.velocity);
-  // After the torque loop the integral of the velocity controller starts with the load's part of the torque. The part
-  // that accelerated the axis is dropped, otherwise the axis would continue to accelerate. The speed limiter of the
-  // torque loop starts from 0.
+  // After the torque loop, and after a direct current that held the rotor, the integral of the velocity controller
+  // starts with the load's part of the torque. The part that accelerated the axis is dropped, otherwise the axis would
+  // continue to accelerate. The speed limiter of the torque loop starts from 0.
   const auto has_controllers = [](Loop loop) { return loop != Loop::off && loop != Loop::locked; };
   if (!has_controllers(demand.loop) || !has_controllers(previous)) clear_controllers();
   feed_forward_ = feed_forward;
+  if (previous == Loop::locked && has_controllers(demand.loop)) {
+    torque_filter_.value = load_.load;
+    for (Biquad& notch : notches_) notch.settle(load_.load);
+  }
   if (demand.loop == Loop::torque) {
     integral_ = 0.0F;
     handover_ = 0.0F;
     carried_ = 0.0F;
-  } else if (previous == Loop::torque) {
+  } else if (has_controllers(demand.loop) && (previous == Loop::torque || previous == Loop::locked)) {
     forget_disturbance();
     const float load = load_.load - feed_forward;
     carried_ = slow_integral_ ? load : 0.0F;

@@ -32,7 +32,8 @@ bool InertiaIdentification::begin(Axis& axis, const Request& request) {
   request_.travel_counts = travel_counts;
   origin_ = axis.encoder_position;
   cycle_s_ = axis.cycle_s;
-  holding_ = axis.loops->torque_reference;
+  // A direct current that holds the rotor has no torque reference.
+  holding_ = axis.demand.loop == Loop::locked ? axis.loops->load_torque : axis.loops->torque_reference;
   estimator_.begin({.counts_per_revolution = static_cast<double>(motor.counts_per_revolution),
                     .rated_torque_nm = static_cast<double>(motor.rated_torque_nm),
                     .cycle_s = axis.cycle_s});
