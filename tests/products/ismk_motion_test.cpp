@@ -471,6 +471,27 @@ TEST(IsmkPosition, ASetPointWithoutSpeedBreaksTheMoveOff) {
   EXPECT_EQ(rig.status() & target_reached, 0);
 }
 
+// Mode 7 without a lock to the SYNC: a 607Ah that is written during a halt does not move the axis at the end of the
+// halt.
+TEST(IsmkInterpolation, ATargetDuringAHaltDoesNotActAtItsEnd) {
+  Enabled rig(7);
+  rig.control(0x1F);
+  rig.run_ms(2);
+  rig.set(0x607A, 0, 100);
+  rig.run_ms(200);
+  ASSERT_NEAR(static_cast<double>(position(rig)), 100.0, rest);
+  rig.control(0x11F);
+  rig.run_ms(50);
+  rig.set(0x607A, 0, 20000);
+  rig.run_ms(50);
+  rig.control(0x1F);
+  rig.run_ms(300);
+  EXPECT_NEAR(static_cast<double>(position(rig)), 100.0, rest);
+  rig.set(0x607A, 0, 20000);
+  rig.run_ms(1000);
+  EXPECT_NEAR(static_cast<double>(position(rig)), 20000.0, rest);
+}
+
 // --- Step stop (Table 5-18)
 
 // A load displaces a shaft that a direct current holds by asin(load / greatest torque), electrically, and no controller

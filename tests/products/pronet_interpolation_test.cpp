@@ -447,6 +447,23 @@ TEST(PronetInterpolation, HaltStopsAndGoesOn) {
   EXPECT_FALSE(alarmed(axis));
 }
 
+// The end of a halt is no command: a set-point that came during the halt does not move the axis.
+TEST(PronetInterpolation, ASetPointDuringAHaltDoesNotActAtItsEnd) {
+  Axis axis;
+  Master master(axis);
+  for (int i = 0; i < 200; ++i) master.cycle(i * 50);
+  for (int i = 0; i < 200; ++i) master.cycle(10000, 0x011F);
+  axis.set(0x60C1, 1, 50000);
+  const std::int64_t stands = axis.get(0x6062);
+  axis.set(0x6040, 0, 0x1F);
+  axis.run_ms(1);
+  master.sync();
+  axis.run_ms(1);
+  EXPECT_EQ(axis.get(0x6062), stands);
+  master.cycle(static_cast<std::int32_t>(stands) + 50);
+  EXPECT_EQ(axis.get(0x6062), stands + 50);
+}
+
 TEST(PronetInterpolation, InactiveItHoldsItsPosition) {
   Axis axis;
   Master master(axis);

@@ -130,7 +130,8 @@ class SynchronousInterpolation {
   void data_record() { fresh_ = true; }  // 60C1h sub 1 was written
   void step(Axis& axis);
   void halt(Axis&) {}
-  void resume(Axis&) { follower_.pause(), armed_ = false; }
+  // The end of a halt is not a command, so the set-points that came during the halt have no effect.
+  void resume(Axis& axis) { follower_.pause(), armed_ = fresh_ = axis.new_set_point = false; }
   void interrupt(Axis&, int direction) { follower_.hold(direction); }
   double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
