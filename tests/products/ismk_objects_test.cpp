@@ -71,6 +71,10 @@ TEST(IsmkObjects, TwinsAreOneValue) {
   EXPECT_EQ(rig.get(0x607F), 53687091);
   rig.set(0x607F, 0, 17895697);
   EXPECT_EQ(rig.get(0x6080), 1000);
+  rig.set(0x607F, 0, 1);
+  EXPECT_EQ(rig.get(0x6080), 1) << "below half a rpm it is a limit, and 0 would be none";
+  rig.set(0x607F, 0, 0);
+  EXPECT_EQ(rig.get(0x6080), 0);
   rig.set(0x2FF0, 9, 600);
   EXPECT_EQ(rig.get(0x60FF), 10737418);
   rig.set(0x60FF, 0, -1789570);

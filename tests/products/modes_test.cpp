@@ -599,22 +599,28 @@ TEST(LimitSwitches, TorqueDoesNotPushBeyondThem) {
 // back.
 TEST(LimitSwitches, TorqueBrakesAtThemAndDoesNotTurnRound) {
   for (const std::int8_t mode : {std::int8_t{4}, std::int8_t{10}}) {
-    SCOPED_TRACE(int{mode});
-    Reference axis(mode, with_limit_switches());
-    wire_limit_switches(axis);
-    axis.must(0x6087, 0, 100000);
-    axis.must(0x60E1, 0, 300);
-    ASSERT_TRUE(axis.enable());
-    axis.must(0x6071, 0, 300);
-    axis.ms_until([&] { return axis.device.drive().axis().active(Signal::positive_limit); });
-    const double speed = axis.velocity();
-    EXPECT_GT(speed, 300.0 * counts_per_rpm);
-    double least = speed;
-    for (int ms = 0; ms < 1000; ++ms) {
-      axis.run_ms(1);
-      least = std::min(least, axis.velocity());
+    for (const int direction : {1, -1}) {
+      for (const int brakes : {50, 300, 1000}) {
+        SCOPED_TRACE(testing::Message() << "mode " << int{mode} << ", direction " << direction << ", " << brakes);
+        Reference axis(mode, with_limit_switches());
+        wire_limit_switches(axis);
+        axis.must(0x6087, 0, 100000);
+        axis.must(direction > 0 ? 0x60E1 : 0x60E0, 0, brakes);
+        ASSERT_TRUE(axis.enable());
+        axis.must(0x6071, 0, direction * 300);
+        const Signal limit = direction > 0 ? Signal::positive_limit : Signal::negative_limit;
+        axis.ms_until([&] { return axis.device.drive().axis().active(limit); });
+        const auto speed = [&] { return direction * axis.velocity(); };
+        EXPECT_GT(speed(), 300.0 * counts_per_rpm);
+        double least = speed();
+        for (int ms = 0; ms < 1000; ++ms) {
+          axis.run_ms(1);
+          least = std::min(least, speed());
+        }
+        EXPECT_GT(least, -20.0 * counts_per_rpm);
+        EXPECT_NEAR(speed(), 0.0, 20.0 * counts_per_rpm);
+      }
     }
-    EXPECT_GT(least, -20.0 * counts_per_rpm);
   }
 }
 
