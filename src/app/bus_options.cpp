@@ -54,6 +54,12 @@ void add_serial_options(CLI::App& command, BusOptions& options) {
                      "identify itself");
 }
 
+void add_drive_options(CLI::App& command, BusOptions& options, const std::string& timeout_help) {
+  add_bus_options(command, options, timeout_help);
+  add_node_option(command, options);
+  add_serial_options(command, options);
+}
+
 void add_watch_option(CLI::App& command, BusOptions& options) {
   command.add_flag("--no-watch", options.no_watch,
                    "CANopen: do not let the drive monitor this program's heartbeat (1016h, 6007h); if the cable is "

@@ -61,6 +61,8 @@ void add_node_option(CLI::App& command, BusOptions& options);
 std::string serial_link_help();
 // For commands that also work on other buses: adds --bit-rate, --format and --product, and extends the help of --bus.
 void add_serial_options(CLI::App& command, BusOptions& options);
+// Adds all three, for a command about one drive.
+void add_drive_options(CLI::App& command, BusOptions& options, const std::string& timeout_help);
 // Adds --no-watch, for commands that move an axis.
 void add_watch_option(CLI::App& command, BusOptions& options);
 // Adds --cycle and --clocks, for commands that take EtherCAT slaves to OP.

@@ -8,9 +8,7 @@
 namespace servodrome::app {
 
 void add_motion_options(CLI::App& command, MotionOptions& options, const std::string& timeout_help) {
-  add_bus_options(command, options.bus, timeout_help);
-  add_node_option(command, options.bus);
-  add_serial_options(command, options.bus);
+  add_drive_options(command, options.bus, timeout_help);
   add_watch_option(command, options.bus);
   add_cycle_options(command, options.bus);
   add_unit_options(command, options.units);

@@ -193,9 +193,7 @@ void add_conform(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "conform", "Check a drive against CiA 301 and 402, ETG.1000, 1020 and 6010, or Modbus, clause by clause");
-  add_bus_options(*command, options->bus, "Seconds to wait for each answer");
-  add_node_option(*command, options->bus);
-  add_serial_options(*command, options->bus);
+  add_drive_options(*command, options->bus, "Seconds to wait for each answer");
   add_cycle_options(*command, options->bus);
   add_watch_option(*command, options->bus);
   command->add_flag("--safe", options->safe, "Skip checks that enable or move the axis");

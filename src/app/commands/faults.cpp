@@ -121,9 +121,7 @@ void add_faults(CLI::App& app) {
   CLI::App* command = app.add_subcommand("faults",
                                          "Show the active faults of a drive with cause and remedy, and its fault "
                                          "history; exit status 1 if a fault is active");
-  add_bus_options(*command, options->bus, "Seconds to wait for each answer");
-  add_node_option(*command, options->bus);
-  add_serial_options(*command, options->bus);
+  add_drive_options(*command, options->bus, "Seconds to wait for each answer");
   command->add_flag("--reset", options->reset, "Reset the fault first");
   command->add_flag("--clear-history", options->clear_history, "Empty the history (1003h) first");
   command->callback([options] { run(*options); });

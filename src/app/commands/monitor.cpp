@@ -285,9 +285,7 @@ void add_monitor(CLI::App& app) {
       "monitor",
       "Show decoded CAN traffic, or on any bus objects of a drive, or with --axis what an axis does, until Ctrl-C");
   command->add_option("OBJECT", options->objects, "INDEX[:SUB] in hexadecimal, or a name, e.g. 6064 or P01-02");
-  add_bus_options(*command, options->bus, "Seconds to wait for each answer of the drive");
-  add_node_option(*command, options->bus);
-  add_serial_options(*command, options->bus);
+  add_drive_options(*command, options->bus, "Seconds to wait for each answer of the drive");
   command->add_option("--eds", options->eds, "Electronic data sheet with the drive's own objects, names and types");
   command->add_flag("--axis", options->axis, "Show state, mode, position, velocity and torque of one axis");
   add_unit_options(*command, options->units);

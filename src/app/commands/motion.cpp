@@ -100,9 +100,7 @@ void add_disable(CLI::App& app) {
   using namespace motion_command;  // NOLINT(google-build-using-namespace)
   const auto options = std::make_shared<BusOptions>();
   CLI::App* command = app.add_subcommand("disable", "Stop a drive, whatever it does, and switch its motor off");
-  add_bus_options(*command, *options, "Seconds to wait for each answer");
-  add_node_option(*command, *options);
-  add_serial_options(*command, *options);
+  add_drive_options(*command, *options, "Seconds to wait for each answer");
   command->callback([options] { disable(*options); });
 }
 

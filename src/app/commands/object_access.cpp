@@ -140,9 +140,7 @@ void set(const Options& options) {
 }
 
 void add_common(CLI::App& command, Options& options) {
-  add_bus_options(command, options.bus, "Seconds to wait for each answer");
-  add_node_option(command, options.bus);
-  add_serial_options(command, options.bus);
+  add_drive_options(command, options.bus, "Seconds to wait for each answer");
   command.add_option("--eds", options.eds, "Electronic data sheet with the drive's own objects, names and types");
   command.add_option("--type", options.type, "Type of the value: i8 .. i64, u8 .. u64, bool, f32, string, bytes");
   command.add_flag("--block", options.block, "Use the SDO block protocol");

@@ -311,9 +311,7 @@ void diff(const Options& options) {
 }
 
 void add_common(CLI::App& command, Options& options) {
-  add_bus_options(command, options.bus, "Seconds to wait for each answer");
-  add_node_option(command, options.bus);
-  add_serial_options(command, options.bus);
+  add_drive_options(command, options.bus, "Seconds to wait for each answer");
   command.add_option("--eds", options.eds, "Electronic data sheet of a drive that is not in `servodrome products`");
   command.add_flag("--connection", options.connection,
                    "Include node-ID, bit rate and the other communication settings");

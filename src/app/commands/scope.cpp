@@ -446,9 +446,7 @@ void add_scope(CLI::App& app) {
       ->allow_extra_args(false);
   command->add_flag("--plot", options->plot, "Plot also if the output is not a terminal");
   command->add_option("--eds", options->eds, "Electronic data sheet with the drive's own objects, names and types");
-  add_bus_options(*command, options->bus, "Seconds to wait for the trigger");
-  add_node_option(*command, options->bus);
-  add_serial_options(*command, options->bus);
+  add_drive_options(*command, options->bus, "Seconds to wait for the trigger");
   add_watch_option(*command, options->bus);
   command->add_flag("--clocks", options->bus.clocks, "EtherCAT: distributed clocks with SYNC0, instead of free run");
   command->callback([options] { record(*options); });

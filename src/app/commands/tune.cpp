@@ -270,9 +270,7 @@ void add_tune(CLI::App& app) {
       "tune",
       "Measure a drive's velocity loop over CAN or EtherCAT and propose gains for a target bandwidth; --apply writes "
       "them and measures the result. The axis moves slowly, some revolutions forward and back");
-  add_bus_options(*command, options->bus, "Seconds to wait for each answer");
-  add_node_option(*command, options->bus);
-  add_serial_options(*command, options->bus);
+  add_drive_options(*command, options->bus, "Seconds to wait for each answer");
   add_watch_option(*command, options->bus);
   add_cycle_options(*command, options->bus);
   command->get_option("--cycle")->description("Period in milliseconds of SYNC (CAN) or of the process data (EtherCAT)");
