@@ -16,41 +16,33 @@ using drive::Leg;
 using drive::Then;
 using drive::Until;
 
-struct UntilWord {
-  Until until;
+template <typename Key>
+struct Word {
+  Key key;
   const char* name;
   const char* text;
 };
-constexpr std::array until_words{
-    UntilWord{Until::home_rising, "home_rising", "the home switch becomes active"},
-    UntilWord{Until::home_falling, "home_falling", "the home switch becomes inactive"},
-    UntilWord{Until::limit_reached, "limit_reached", "the {} limit switch is active"},
-    UntilWord{Until::limit_released, "limit_released", "the {} limit switch becomes inactive"},
-    UntilWord{Until::index, "index", "the next index of the encoder"},
-    UntilWord{Until::stalled, "stalled", "the axis presses against its stop"},
-    UntilWord{Until::retracted, "retracted", "the retraction distance is travelled"},
-};
+constexpr auto until_words = std::to_array<Word<Until>>({
+    {Until::home_rising, "home_rising", "the home switch becomes active"},
+    {Until::home_falling, "home_falling", "the home switch becomes inactive"},
+    {Until::limit_reached, "limit_reached", "the {} limit switch is active"},
+    {Until::limit_released, "limit_released", "the {} limit switch becomes inactive"},
+    {Until::index, "index", "the next index of the encoder"},
+    {Until::stalled, "stalled", "the axis presses against its stop"},
+    {Until::retracted, "retracted", "the retraction distance is travelled"},
+});
 
-struct ThenWord {
-  Then then;
-  const char* name;
-  const char* text;
-};
-constexpr std::array then_words{
-    ThenWord{Then::stop, "stop", "then stop"},
-    ThenWord{Then::keep, "keep", "then continue without stopping"},
-    ThenWord{Then::hold, "hold", "then hold the position"},
-    ThenWord{Then::latch, "latch", "this position is home"},
-};
+constexpr auto then_words = std::to_array<Word<Then>>({
+    {Then::stop, "stop", "then stop"},
+    {Then::keep, "keep", "then continue without stopping"},
+    {Then::hold, "hold", "then hold the position"},
+    {Then::latch, "latch", "this position is home"},
+});
 
-template <typename Words, typename Key>
-const auto& row_of(const Words& words, Key key) {
-  for (const auto& row : words) {
-    if constexpr (requires { row.until == key; }) {
-      if (row.until == key) return row;
-    } else {
-      if (row.then == key) return row;
-    }
+template <typename Key, std::size_t Count>
+const Word<Key>& row_of(const std::array<Word<Key>, Count>& words, Key key) {
+  for (const Word<Key>& row : words) {
+    if (row.key == key) return row;
   }
   return words.front();
 }
@@ -74,8 +66,8 @@ Direction limit_of(const Leg& leg) {
 Json leg_number(std::uint8_t leg) { return leg == drive::no_leg ? Json(nullptr) : Json(leg); }
 
 Json view_of(const Leg& leg, Reversal reversal) {
-  const UntilWord& until = row_of(until_words, leg.until);
-  const ThenWord& then = row_of(then_words, leg.then);
+  const Word<Until>& until = row_of(until_words, leg.until);
+  const Word<Then>& then = row_of(then_words, leg.then);
   const bool fast = leg.speed == HomingSpeed::fast;
   std::string text =
       fmt::format("{}, at the speed during search for {}, until {}; {}", word(leg.direction), fast ? "switch" : "zero",
