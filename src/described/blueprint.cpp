@@ -41,18 +41,6 @@ ethercat::AreaRule mailbox_rule(const describe::EsiChannel& channel) {
           greatest};
 }
 
-void set_process_data(ethercat::Profile& profile, const std::array<std::optional<describe::EsiChannel>, 4>& channels) {
-  constexpr std::uint16_t end = 0x3000;                         // end of the 8 KiB of memory from 1000h on
-  const auto room = [](std::uint16_t from, std::uint16_t to) {  // for three buffers
-    return static_cast<std::uint16_t>(to > from ? (to - from) / 3 : 0);
-  };
-  if (channels[2]) profile.outputs_start = channels[2]->start;
-  if (channels[3]) profile.inputs_start = channels[3]->start;
-  const bool outputs_first = profile.outputs_start < profile.inputs_start;
-  profile.greatest_outputs = room(profile.outputs_start, outputs_first ? profile.inputs_start : end);
-  profile.greatest_inputs = room(profile.inputs_start, outputs_first ? end : profile.outputs_start);
-}
-
 void set_ethercat(EthercatBlueprint& made) {
   const describe::EsiDevice& device = made.described;
   for (const describe::EsiOpMode& mode : device.op_modes) {
@@ -68,7 +56,9 @@ void set_ethercat(EthercatBlueprint& made) {
   made.profile.mailbox_out = mailbox_rule(*device.channels[0]);
   made.profile.mailbox_in = mailbox_rule(*device.channels[1]);
   made.profile.complete_access = device.complete_access;
-  set_process_data(made.profile, device.channels);
+  if (device.channels[2]) made.profile.outputs_start = device.channels[2]->start;
+  if (device.channels[3]) made.profile.inputs_start = device.channels[3]->start;
+  made.profile.fit_process_data();
   const describe::DeviceFile& file = device.device;
   made.sii = {.vendor_id = file.vendor_id.value_or(0),
               .product_code = file.product_code.value_or(0),

@@ -59,6 +59,17 @@ struct Profile {
   AlStatusCode cycle_too_short = AlStatusCode::invalid_sync0_cycle_time;  // refuses a shorter cycle
   // Greatest time that the change from Safe-Operational to Operational waits for outputs, and with DC for SYNC0.
   Time operational_timeout{std::chrono::seconds(5)};
+
+  // Sets the greatest outputs and inputs: three buffers of each fit into the memory behind their starts.
+  constexpr void fit_process_data() {
+    constexpr unsigned end = 0x3000;  // of the 8 KiB of memory from 1000h on
+    const auto room = [](unsigned from, unsigned to) {
+      return static_cast<std::uint16_t>(to > from ? (to - from) / 3 : 0);
+    };
+    const bool outputs_first = outputs_start < inputs_start;
+    greatest_outputs = room(outputs_start, outputs_first ? inputs_start : end);
+    greatest_inputs = room(inputs_start, outputs_first ? end : outputs_start);
+  }
 };
 
 }  // namespace servodrome::ethercat

@@ -168,17 +168,11 @@ std::string slave_information(const Clone& clone, const SiiContent& sii) {
   };
   profile.mailbox_out = mailbox(sii.mailbox.out);
   profile.mailbox_in = mailbox(sii.mailbox.in);
-  constexpr std::uint16_t end = 0x3000;  // end of the 8 KiB from 1000h
   for (const SiiSyncManager& channel : sii.sync_managers) {
     if (channel.type == 3) profile.outputs_start = channel.start;
     if (channel.type == 4) profile.inputs_start = channel.start;
   }
-  const auto room = [](unsigned from, unsigned to) {
-    return static_cast<std::uint16_t>(to > from ? (to - from) / 3 : 0);
-  };
-  const bool outputs_first = profile.outputs_start < profile.inputs_start;
-  profile.greatest_outputs = room(profile.outputs_start, outputs_first ? profile.inputs_start : end);
-  profile.greatest_inputs = room(profile.inputs_start, outputs_first ? end : profile.outputs_start);
+  profile.fit_process_data();
   std::vector<ethercat::DcMode> modes;
   for (const SiiDcMode& mode : sii.dc_modes) {
     modes.push_back({.name = mode.name.c_str(),
