@@ -56,6 +56,32 @@ DeviceFileError::DeviceFileError(std::string where, std::string problem, std::st
       problem_(std::move(problem)),
       remedy_(std::move(remedy)) {}
 
+FileEntry file_entry_of(const dictionary::Entry& entry, const std::string& object_name) {
+  FileEntry made;
+  made.index = entry.index;
+  made.sub = entry.sub;
+  made.code = entry.code;
+  made.type = entry.type;
+  made.access = entry.access;
+  made.pdo = entry.pdo;
+  made.object_name = object_name;
+  made.name = entry.name;
+  return made;
+}
+
+dictionary::Entry entry_of(const FileEntry& entry) {
+  dictionary::Entry made;
+  made.index = entry.index;
+  made.sub = entry.sub;
+  made.code = entry.code;
+  made.type = entry.type;
+  made.access = entry.access;
+  made.pdo = entry.pdo;
+  made.name = entry.sub == 0 && !entry.object_name.empty() ? entry.object_name.c_str() : entry.name.c_str();
+  made.unit = entry.unit.c_str();
+  return made;
+}
+
 Description description_of(const DeviceFile& device) {
   Description description;
   description.vendor_name = device.vendor_name;

@@ -58,6 +58,11 @@ struct FileEntry {
   std::uint32_t key() const { return static_cast<std::uint32_t>(index) << 8 | sub; }
 };
 
+// The entry of a file with address, type, access and names of a table's entry.
+FileEntry file_entry_of(const dictionary::Entry& entry, const std::string& object_name);
+// The reverse, with the unit; refers to the strings of `entry`.
+dictionary::Entry entry_of(const FileEntry& entry);
+
 struct DeviceFile {
   std::string file;
   std::string vendor_name;

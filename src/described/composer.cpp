@@ -127,18 +127,6 @@ void Composer::complete_device() {
     throw describe::DeviceFileError(device.file, 0, "", fmt::format("{} objects are described", device.entries.size()),
                                     fmt::format("a drive has at most {} here", most_entries));
   }
-  const auto add = [&device](const Entry& entry) {
-    FileEntry missing;
-    missing.index = entry.index;
-    missing.sub = entry.sub;
-    missing.code = entry.code;
-    missing.type = entry.type;
-    missing.access = entry.access;
-    missing.pdo = entry.pdo;
-    missing.object_name = missing.name = entry.name;
-    missing.default_value = entry.default_value;
-    device.entries.push_back(std::move(missing));
-  };
   std::set<std::uint16_t> described;
   for (const FileEntry& entry : device.entries) described.insert(entry.index);
   for (const Entry& entry : foundation_.table) {
@@ -149,9 +137,9 @@ void Composer::complete_device() {
     const bool dummy =
         entry.index >= 1 && entry.index <= device.dummy_usage.size() && device.dummy_usage[entry.index - 1U];
     if (!dummy && (!mandatory || described.contains(entry.index))) continue;
-    add(entry);
+    FileEntry& added = device.entries.emplace_back(describe::file_entry_of(entry, entry.name));
+    added.default_value = entry.default_value;
     if (dummy) continue;
-    FileEntry& added = device.entries.back();
     const std::optional<std::uint32_t> identity[] = {device.vendor_id, device.product_code, device.revision_number};
     if (entry.index == 0x1018 && entry.sub > 0)
       added.default_value = entry.sub <= 3 ? identity[entry.sub - 1].value_or(0) : 0;
@@ -173,16 +161,7 @@ std::uint32_t Composer::take_bytes(std::size_t bytes) {
 
 void Composer::add_entry(const FileEntry& described) {
   const Entry* reference = reference_of(described.index, described.sub);
-  Entry entry;
-  entry.index = described.index;
-  entry.sub = described.sub;
-  entry.code = described.code;
-  entry.type = described.type;
-  entry.access = described.access;
-  entry.pdo = described.pdo;
-  const bool is_whole = described.sub == 0 && !described.object_name.empty();
-  entry.name = is_whole ? described.object_name.c_str() : described.name.c_str();
-  entry.unit = described.unit.c_str();
+  Entry entry = describe::entry_of(described);
   const bool known = reference != nullptr && !is_storage(described.index);
   const bool kept_by_reference = known && reference->writable() ? reference->saved : true;
   entry.saved = described.saved.value_or(entry.access == Access::rw && kept_by_reference && !is_storage(entry.index));

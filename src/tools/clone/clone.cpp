@@ -78,13 +78,7 @@ class CloneTable {
 
  private:
   void add(const FileEntry& from) {
-    Entry entry;
-    entry.index = from.index;
-    entry.sub = from.sub;
-    entry.code = from.code;
-    entry.type = from.type;
-    entry.access = from.access;
-    entry.pdo = from.pdo;
+    Entry entry = describe::entry_of(from);
     entry.saved = from.saved.value_or(false);
     entry.capacity = from.capacity;
     entry.default_value = from.default_value.value_or(0);
@@ -92,8 +86,6 @@ class CloneTable {
     entry.has_range = from.minimum || from.maximum;
     entry.minimum = from.minimum.value_or(dictionary::minimum_of(from.type));
     entry.maximum = from.maximum.value_or(dictionary::maximum_of(from.type));
-    entry.name = from.sub == 0 && !from.object_name.empty() ? from.object_name.c_str() : from.name.c_str();
-    entry.unit = from.unit.c_str();
     if (dictionary::size_of(from.type) == 0) {
       texts_.push_back(from.type == Type::octet_string ? hexadecimal(from.content) : from.content);
       entry.text = texts_.back().c_str();

@@ -18,17 +18,9 @@ using dictionary::Type;
 
 namespace {
 
-FileEntry file_entry_of(const Entry& entry, const std::string& object_name) {
-  FileEntry made;
-  made.index = entry.index;
-  made.sub = entry.sub;
-  made.code = entry.code;
-  made.type = entry.type;
+FileEntry whole_entry_of(const Entry& entry, const std::string& object_name) {
+  FileEntry made = describe::file_entry_of(entry, object_name);
   made.capacity = entry.capacity;
-  made.access = entry.access;
-  made.pdo = entry.pdo;
-  made.object_name = object_name;
-  made.name = entry.name;
   made.unit = entry.unit;
   made.saved = entry.saved;
   if (entry.has_range) {
@@ -132,7 +124,7 @@ FileEntry entry_that_answered(ObjectAddress address, ObjectCode code, std::span<
   const Entry* standard = standard_entry(address.index, address.sub);
   const bool fits = standard != nullptr && dictionary::size_of(standard->type) == value.size();
   if (fits && standard->fixed_size()) {
-    FileEntry made = file_entry_of(*standard, standard->name);
+    FileEntry made = whole_entry_of(*standard, standard->name);
     made.code = code;
     made.minimum.reset();
     made.maximum.reset();
@@ -203,7 +195,7 @@ DeviceFile objects_of_table(std::span<const Entry> table) {
   for (const Entry& entry : table) {
     if (entry.sub == 0) object_name = entry.name;
     if (entry.index >= 1 && entry.index <= device.dummy_usage.size()) device.dummy_usage[entry.index - 1U] = true;
-    if (entry.index >= 0x1000 && !entry.local) device.entries.push_back(file_entry_of(entry, object_name));
+    if (entry.index >= 0x1000 && !entry.local) device.entries.push_back(whole_entry_of(entry, object_name));
   }
   return device;
 }
