@@ -223,32 +223,6 @@ constexpr auto pdos(std::uint16_t parameter_index, std::int64_t first_cob_id, st
   return section;
 }
 
-template <typename Objects, PdoSubIndices Subs>
-constexpr auto rpdos() {
-  constexpr auto build = [] {
-    return pdos<Objects::rpdo_count, Objects::mapping_entries>(
-        0x1400, 0x200, offsetof(Objects, rpdo_parameters), offsetof(Objects, rpdo_mappings),
-        rpdo_parameter_names<Objects::rpdo_count>, rpdo_mapping_names<Objects::rpdo_count>, Subs);
-  };
-  constexpr auto section = build();
-  std::array<Entry, section.count> table{};
-  std::copy_n(section.entries.begin(), section.count, table.begin());
-  return table;
-}
-
-template <typename Objects, PdoSubIndices Subs>
-constexpr auto tpdos() {
-  constexpr auto build = [] {
-    return pdos<Objects::tpdo_count, Objects::mapping_entries>(
-        0x1800, 0x180, offsetof(Objects, tpdo_parameters), offsetof(Objects, tpdo_mappings),
-        tpdo_parameter_names<Objects::tpdo_count>, tpdo_mapping_names<Objects::tpdo_count>, Subs);
-  };
-  constexpr auto section = build();
-  std::array<Entry, section.count> table{};
-  std::copy_n(section.entries.begin(), section.count, table.begin());
-  return table;
-}
-
 // Dummy objects for RPDO mapping (CiA 301 7.4.7.1). Their indices are those of the data types; they store nothing.
 constexpr auto dummies() {
   using dictionary::var;
@@ -277,9 +251,17 @@ inline constexpr auto sdo_server_section = section::sdo_server<Objects>();
 
 // 1400h.. with 1600h.., and 1800h.. with 1A00h..: valid as in the pre-defined connection set, type 255, empty mapping.
 template <typename Objects, PdoSubIndices Subs = rpdo_sub_indices>
-inline constexpr auto rpdo_section = section::rpdos<Objects, Subs>();
+inline constexpr auto rpdo_section = dictionary::make_table<[] {
+  return section::pdos<Objects::rpdo_count, Objects::mapping_entries>(
+      0x1400, 0x200, offsetof(Objects, rpdo_parameters), offsetof(Objects, rpdo_mappings),
+      section::rpdo_parameter_names<Objects::rpdo_count>, section::rpdo_mapping_names<Objects::rpdo_count>, Subs);
+}>();
 template <typename Objects, PdoSubIndices Subs = tpdo_sub_indices>
-inline constexpr auto tpdo_section = section::tpdos<Objects, Subs>();
+inline constexpr auto tpdo_section = dictionary::make_table<[] {
+  return section::pdos<Objects::tpdo_count, Objects::mapping_entries>(
+      0x1800, 0x180, offsetof(Objects, tpdo_parameters), offsetof(Objects, tpdo_mappings),
+      section::tpdo_parameter_names<Objects::tpdo_count>, section::tpdo_mapping_names<Objects::tpdo_count>, Subs);
+}>();
 
 // 0001h..0007h, 0015h, 001Bh. The product selects the entries that may be mapped.
 inline constexpr auto dummy_section = section::dummies();
