@@ -2,23 +2,20 @@
 
 #include <array>
 
-#include "drive/axis.hpp"
+#include "drive/modes/mode_defaults.hpp"
 #include "drive/modes/set_point_follower.hpp"
 
 namespace servodrome::drive {
 
 // Cyclic synchronous position mode (CiA 402-2): targets with any regular period, see SetPointFollower.
-class CyclicSyncPosition {
+class CyclicSyncPosition : public ModeDefaults {
  public:
   static constexpr Loop loop = Loop::position;
 
   void enter(Axis& axis);
-  void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
-  void halt(Axis&) {}
   void resume(Axis& axis);
   void interrupt(Axis&, int direction) { follower_.hold(direction); }
-  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:
@@ -33,20 +30,17 @@ class CyclicSyncPosition {
 };
 
 // Cyclic synchronous velocity and torque modes (CiA 402-2).
-class CyclicSyncVelocity {
+class CyclicSyncVelocity : public ModeDefaults {
  public:
   static constexpr Loop loop = Loop::velocity;
 
   void enter(Axis& axis) { axis.limited = held_ = false; }
-  void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
-  void halt(Axis&) {}
   void resume(Axis&) {}
   void interrupt(Axis& axis, int) {
     held_ = true;
     wanted_ = target(axis);
   }
-  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:
@@ -56,23 +50,19 @@ class CyclicSyncVelocity {
   bool held_ = false;    // a limit ended the motion: the axis waits for another target
 };
 
-class CyclicSyncTorque {
+class CyclicSyncTorque : public ModeDefaults {
  public:
   static constexpr Loop loop = Loop::torque;
 
   void enter(Axis& axis) { axis.limited = false; }
-  void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
-  void halt(Axis&) {}
   void resume(Axis&) {}
-  void interrupt(Axis&, int) {}
-  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const;
 };
 
 // Interpolated position mode (CiA 402-2), linear interpolation 60C0h = 0, with the buffer of 60C4h. One missing record
 // is bridged, as in SetPointFollower.
-class InterpolatedPosition {
+class InterpolatedPosition : public ModeDefaults {
  public:
   static constexpr Loop loop = Loop::position;
   static constexpr std::size_t capacity = 64;
@@ -84,11 +74,9 @@ class InterpolatedPosition {
   void clear_buffer() { count_ = 0, lost_record_ = false; }
   bool lost_record() const { return lost_record_; }  // a record was refused since the buffer was cleared
   void step(Axis& axis);
-  void halt(Axis&) {}
   // The end of a halt is not a command, so an axis that a limit holds remains at the limit.
   void resume(Axis&) { following_ = bridging_ = false, demand_.restart(); }
   void interrupt(Axis&, int direction);
-  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
   std::size_t buffered() const { return count_; }
 
@@ -121,7 +109,7 @@ class InterpolatedPosition {
 // Interpolated position without a buffer: every SYNC adopts the set-point that the bus has written, and the axis
 // reaches it one period later. At a SYNC without a new set-point the axis keeps the last set-point. Two such SYNCs in a
 // row, or two periods without a SYNC, raise Cause::interpolation_late.
-class SynchronousInterpolation {
+class SynchronousInterpolation : public ModeDefaults {
  public:
   static constexpr Loop loop = Loop::position;
 
@@ -129,11 +117,9 @@ class SynchronousInterpolation {
   void controlword(Axis& axis, std::uint16_t before, std::uint16_t now);
   void data_record() { fresh_ = true; }  // 60C1h sub 1 was written
   void step(Axis& axis);
-  void halt(Axis&) {}
   // The end of a halt is not a command, so the set-points that came during the halt have no effect.
   void resume(Axis& axis) { follower_.pause(), armed_ = fresh_ = axis.new_set_point = false; }
   void interrupt(Axis&, int direction) { follower_.hold(direction); }
-  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:

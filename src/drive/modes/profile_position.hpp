@@ -2,13 +2,13 @@
 
 #include <array>
 
-#include "drive/axis.hpp"
+#include "drive/modes/mode_defaults.hpp"
 #include "drive/modes/windows.hpp"
 
 namespace servodrome::drive {
 
 // Profile position mode (CiA 402-2): set-points with a queue, immediate change, change on set-point.
-class ProfilePosition {
+class ProfilePosition : public ModeDefaults {
  public:
   static constexpr Loop loop = Loop::position;
 
@@ -18,7 +18,6 @@ class ProfilePosition {
   void halt(Axis& axis);
   void resume(Axis& axis);
   void interrupt(Axis&, int);  // a limit switch ended the motion short of its target
-  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "drive/axis.hpp"
+#include "drive/modes/mode_defaults.hpp"
 #include "drive/modes/windows.hpp"
 
 namespace servodrome::drive {
@@ -27,20 +27,17 @@ class VelocityWindows {
 };
 
 // Profile velocity mode (CiA 402-2).
-class ProfileVelocity {
+class ProfileVelocity : public ModeDefaults {
  public:
   static constexpr Loop loop = Loop::velocity;
 
   void enter(Axis& axis);
-  void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
   void observe(Axis& axis);  // updates the statusword's bits; also called while a stop runs instead of `step`
-  void halt(Axis&) {}
   void resume(Axis& axis) {
     if (!given_up_) enter(axis);
   }
   void interrupt(Axis& axis, int);
-  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:
@@ -69,21 +66,18 @@ class ProfileVelocity {
 };
 
 // A manufacturer's mode: the target velocity without ramps.
-class ImmediateVelocity {
+class ImmediateVelocity : public ModeDefaults {
  public:
   static constexpr Loop loop = Loop::velocity;
 
   void enter(Axis& axis);
-  void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
   void observe(Axis& axis) { windows_.update(axis, target(axis), true); }
-  void halt(Axis&) {}
   void resume(Axis&) {}
   void interrupt(Axis& axis, int) {
     held_ = true;
     wanted_ = target(axis);
   }
-  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis&) const { return windows_.status(); }
 
  private:
@@ -95,14 +89,13 @@ class ImmediateVelocity {
 };
 
 // Velocity mode (CiA 402-2, "vl"): the ramp function generator of a frequency converter.
-class VelocityMode {
+class VelocityMode : public ModeDefaults {
  public:
   static constexpr Loop loop = Loop::velocity;
 
   void enter(Axis& axis);
   void controlword(Axis&, std::uint16_t, std::uint16_t now) { word_ = now; }
   void step(Axis& axis);
-  void halt(Axis&) {}
   void resume(Axis& axis) {
     if (!blocked_) enter(axis);
   }
@@ -133,17 +126,13 @@ class VelocityMode {
 };
 
 // Profile torque mode (CiA 402-2).
-class ProfileTorque {
+class ProfileTorque : public ModeDefaults {
  public:
   static constexpr Loop loop = Loop::torque;
 
   void enter(Axis& axis);
-  void controlword(Axis&, std::uint16_t, std::uint16_t) {}
   void step(Axis& axis);
-  void halt(Axis&) {}
   void resume(Axis& axis) { enter(axis); }
-  void interrupt(Axis&, int) {}
-  double deceleration(const Axis& axis) const { return axis.profile_deceleration(); }
   std::uint16_t status(const Axis& axis) const;
 
  private:
