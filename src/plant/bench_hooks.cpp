@@ -45,9 +45,10 @@ constexpr std::uint32_t freezes_encoder =
 
 constexpr double rpm_per_rad_s = 30.0 / std::numbers::pi;
 
-void accept(const Parameters& parameters) {
+const Parameters& accepted(const Parameters& parameters) {
   const auto messages = validate(parameters);
   if (!messages.empty()) throw std::invalid_argument(messages.front());
+  return parameters;
 }
 
 void accept_wire(int wire) {
@@ -70,16 +71,14 @@ void Plant::apply_load() {
 void Plant::set_external_torque_nm(double torque_nm) {
   Parameters changed = parameters_;
   changed.load.external_torque_nm = torque_nm;
-  accept(changed);
-  parameters_ = changed;
+  parameters_ = accepted(changed);
   apply_load();
 }
 
 void Plant::set_load_inertia_kgm2(double inertia_kgm2) {
   Parameters changed = parameters_;
   changed.load.inertia_kgm2 = inertia_kgm2;
-  accept(changed);
-  parameters_ = changed;
+  parameters_ = accepted(changed);
   apply_load();
 }
 
@@ -89,24 +88,21 @@ void Plant::set_coulomb_friction_nm(double torque_nm) {
   changed.load.coulomb_friction_nm = torque_nm;
   // Rounding may have made the sum lose the last bit of the difference.
   changed.load.static_friction_nm = std::max(changed.load.static_friction_nm, torque_nm);
-  accept(changed);
-  parameters_ = changed;
+  parameters_ = accepted(changed);
   apply_load();
 }
 
 void Plant::set_supply_v(double volts) {
   Parameters changed = parameters_;
   changed.supply.volts = volts;
-  accept(changed);
-  parameters_ = changed;
+  parameters_ = accepted(changed);
   dc_link_.set_supply_v(volts);
 }
 
 void Plant::set_ambient_c(double temperature_c) {
   Parameters changed = parameters_;
   changed.thermal.ambient_c = temperature_c;
-  accept(changed);
-  parameters_ = changed;
+  parameters_ = accepted(changed);
   heat_.set_ambient_c(temperature_c);
   update_readings();
 }
@@ -114,7 +110,7 @@ void Plant::set_ambient_c(double temperature_c) {
 void Plant::set_position_counts(std::int64_t position_counts) {
   Parameters changed = parameters_;
   changed.encoder.start_position_counts = position_counts;
-  accept(changed);  // checks the range and the hard stops
+  accepted(changed);  // checks the range and the hard stops
   shaft_.stop();
   place(position_counts);
   apply_load();
