@@ -47,6 +47,9 @@ struct AxisOptions {
   Time enable_timeout = std::chrono::seconds(5);      // for each step of enabling: precharge, brake
   Time reset_timeout = std::chrono::seconds(2);       // for a fault reset, from the edge of the controlword's bit
   Time poll_interval = std::chrono::milliseconds(5);  // between two reads of the statusword
+  // A motion fails after this time without progress: the shaft stands and homing does not end, or the drive shows the
+  // target of a move as reached and the axis is elsewhere.
+  Time progress_timeout = std::chrono::seconds(5);
   const catalogue::Product* product = &catalogue::cia402::product;  // what is known about the drive
   // If the halt by stop() lasts longer than this, stop() changes to a quick stop. nullopt: no such limit; the halt may
   // last as long as the axis keeps slowing down.
@@ -203,8 +206,8 @@ class Axis402 {
   // not be stopped.
   std::string try_to_stop();
   // For error handling, where the first error is reported anyway: stops the axis, by a quick stop if stop() fails, and
-  // switches the motor off. Errors of its own are ignored.
-  void try_to_switch_off();
+  // switches the motor off. Returns "" or the reason why the motor could not be switched off.
+  std::string try_to_switch_off();
   // Halts the axis as stop() does, but resume() continues the motion. Between the two only change_velocity(), stop(),
   // quick_stop() and disable() are allowed. Throws in profile torque.
   void halt();
@@ -278,7 +281,8 @@ class Axis402 {
   std::int64_t rest_distance();  // position units
   // Called at each poll of a motion: true if the position has not changed for 0.5 s.
   bool stands();
-  // True if the drive reports target reached and the position is near the goal. Throws if the axis stands elsewhere.
+  // True if the drive reports target reached and the position is near the goal. Throws if the axis stands elsewhere, or
+  // does not come near in time.
   bool has_arrived(std::uint16_t statusword, const std::string& doing);
   bool is_near(std::int32_t goal);
   // True if the goal is outside the position range 607Bh of an axis that wraps around.
@@ -310,7 +314,8 @@ class Axis402 {
   std::optional<std::int32_t> place_{};  // position since `stands_since_`, for stands()
   Time stands_since_{};
   Time next_look_{};
-  std::optional<std::int64_t> near_{};  // tolerance around the goal, within which the axis has arrived
+  std::optional<Time> reached_since_{};  // the drive shows target reached, but the position is not near the goal
+  std::optional<std::int64_t> near_{};   // tolerance around the goal, within which the axis has arrived
   bool has_position_ = true;
   bool has_mode_display_ = true;
   bool has_velocity_ = true;

@@ -82,6 +82,7 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
   write_controlword(command_word::enable_operation | start_homing);
   const catalogue::HomingSignals& signals = product().dialect.homing_signals;
   const std::string doing = fmt::format("homing by method {}", objects_.read<std::int8_t>(0x6098));
+  place_.reset();
   follow(timeout, progress, doing, [&](std::uint16_t word) {
     if ((word & signals.error) != 0) {
       write_controlword(command_word::enable_operation);
@@ -91,7 +92,14 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
     }
     const std::uint16_t done =
         static_cast<std::uint16_t>(signals.attained | (signals.target_reached ? status_bit::target_reached : 0U));
-    return (word & done) == done;
+    if ((word & done) == done) return true;
+    if (stands() && objects_.now() - stands_since_ >= options_.progress_timeout) {
+      const std::string problem = try_to_stop();
+      fail(fmt::format("{} does not end, and the axis stands at {}{}", doing, *place_,
+                       problem.empty() ? "" : "; " + problem),
+           "check the statusword: the drive may not move, or may not report the end of homing");
+    }
+    return false;
   });
   write_controlword(command_word::enable_operation);
   // A drive may report homing attained within a window of position and speed, while the shaft still moves. The next
@@ -136,6 +144,7 @@ void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
                                                                 // refreshed
   const Time deadline = objects_.now() + options_.state_timeout;
   for (;; objects_.wait(between_looks)) {
+    leave_if_cancelled("handing over a set-point");
     const std::uint16_t word = statusword();
     if ((word & set_point_acknowledge) != 0 || (word & status_bit::target_reached) == 0) break;
     if (objects_.now() >= deadline) {
@@ -249,6 +258,17 @@ void Axis402::leave_if_rests_at_limit(const std::string& doing) {
 bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
   const bool reached = (statusword & status_bit::target_reached) != 0;
   if (!goal_ || (reached && is_near(*goal_))) return reached;
+  if (!reached || halted_) {
+    reached_since_.reset();
+  } else if (!reached_since_) {
+    reached_since_ = objects_.now();
+  } else if (objects_.now() - *reached_since_ >= options_.progress_timeout) {
+    const std::int32_t at = position();
+    const std::string problem = try_to_stop();
+    fail(fmt::format("{}: the drive shows the target as reached, but the position is {} and changes{}", doing, at,
+                     problem.empty() ? "" : "; " + problem),
+         "check whether the shaft turns or only the position drifts (encoder, its cable and its shield)");
+  }
   if (!stands()) return false;
   leave_if_at_limit(doing);
   if (!reached) return false;
@@ -264,6 +284,7 @@ void Axis402::wait_for_target(Time timeout, const Progress& progress) {
   const std::string doing = order_.empty() ? "moving" : order_;
   place_.reset();
   near_.reset();
+  reached_since_.reset();
   follow(timeout, progress, doing, [&](std::uint16_t word) { return has_arrived(word, doing); });
 }
 

@@ -267,17 +267,18 @@ std::string Axis402::try_to_stop() {
   }
 }
 
-void Axis402::try_to_switch_off() {
-  const auto ignoring_errors = [](const auto& call) {
+std::string Axis402::try_to_switch_off() {
+  const auto problem_of = [](const auto& call) -> std::string {
     try {
       call();
-    } catch (const MasterError&) {
-      // The caller reports the first error; this error is ignored.
+      return {};
+    } catch (const MasterError& error) {
+      return error.what();
     }
   };
   const Restored rest(comes_to_rest_, true);
-  if (!try_to_stop().empty()) ignoring_errors([this] { quick_stop(); });
-  ignoring_errors([this] { disable(); });
+  if (!try_to_stop().empty()) problem_of([this] { quick_stop(); });
+  return problem_of([this] { disable(); });
 }
 
 void Axis402::halt() {

@@ -1,0 +1,117 @@
+// A motion that makes no progress ends before its timeout, with the reason and the axis disabled.
+#include <cstring>
+#include <gmock/gmock.h>
+
+#include "axis/axis_rig.hpp"
+#include "axis/cia402_words.hpp"
+
+namespace servodrome::master::test {
+namespace no_progress_test {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr std::int32_t revolution = 131072;
+constexpr MotionProfile quick{10 * revolution, 100 * revolution, 100 * revolution};
+constexpr HomingRequest to_index{34, 2 * revolution, revolution, 100 * revolution, {}};
+
+// A drive that shows another statusword or position than it has.
+class Shown final : public ObjectClient {
+ public:
+  explicit Shown(ObjectClient& drive) : drive_(drive) {}
+
+  std::vector<std::byte> upload(ObjectAddress object) override {
+    std::vector<std::byte> bytes = drive_.upload(object);
+    if (object.index == 0x6041) {
+      std::uint16_t word = 0;
+      std::memcpy(&word, bytes.data(), sizeof word);
+      word = static_cast<std::uint16_t>((word | set) & ~cleared);
+      std::memcpy(bytes.data(), &word, sizeof word);
+      if (is_frozen && !frozen_) frozen_ = bytes;
+      if (is_frozen) return *frozen_;
+    }
+    if (object.index == 0x6064) {
+      std::int32_t position = 0;
+      std::memcpy(&position, bytes.data(), sizeof position);
+      position += static_cast<std::int32_t>(drift_per_s * std::chrono::duration<double>(now()).count());
+      std::memcpy(bytes.data(), &position, sizeof position);
+    }
+    return bytes;
+  }
+  void download(ObjectAddress object, std::span<const std::byte> data) override { drive_.download(object, data); }
+  Time now() const override { return drive_.now(); }
+  void wait(Time span) override { drive_.wait(span); }
+  std::uint16_t address() const override { return drive_.address(); }
+  std::string where() const override { return drive_.where(); }
+
+  unsigned set = 0;  // bits of the statusword
+  unsigned cleared = 0;
+  bool is_frozen = false;
+  double drift_per_s = 0.0;
+
+ private:
+  ObjectClient& drive_;
+  std::optional<std::vector<std::byte>> frozen_;
+};
+
+class NoProgress : public testing::Test {
+ protected:
+  PowerState true_state() { return state_of(rig.objects().read<std::uint16_t>(0x6041)); }
+
+  AxisRig rig{{"generic402"}};
+  Shown objects{rig.objects()};
+  Axis402 axis{objects, rig.options()};
+};
+
+class HomingEnds : public NoProgress, public testing::WithParamInterface<unsigned> {};
+INSTANTIATE_TEST_SUITE_P(Without, HomingEnds,
+                         testing::Values(status_bit::target_reached, status_bit::mode_bit_12,
+                                         status_bit::target_reached | status_bit::mode_bit_12));
+
+TEST_P(HomingEnds, WhenTheDriveDoesNotReportItsEnd) {
+  axis.enable();
+  objects.cleared = GetParam();
+  const Time begun = objects.now();
+  EXPECT_THAT(problem_of([&] { axis.home(to_index, 60s); }), HasSubstr("homing by method 34 does not end"));
+  EXPECT_LT(objects.now() - begun, 10s);
+  EXPECT_EQ(axis.try_to_switch_off(), "");
+  EXPECT_EQ(true_state(), PowerState::switch_on_disabled);
+}
+
+TEST_F(NoProgress, EndsAMoveThatTheDriveShowsAsReachedElsewhere) {
+  axis.enable();
+  axis.home(to_index, 10s);
+  objects.drift_per_s = 10000;
+  const Time begun = objects.now();
+  EXPECT_THAT(problem_of([&] { axis.move_to(0, quick, 60s); }), HasSubstr("the drive shows the target as reached"));
+  EXPECT_LT(objects.now() - begun, 10s);
+  EXPECT_EQ(axis.try_to_switch_off(), "");
+}
+
+TEST_F(NoProgress, AFrozenStatuswordIsReportedAndTheAxisIsSwitchedOff) {
+  axis.enable();
+  objects.is_frozen = true;
+  const Time begun = objects.now();
+  EXPECT_THAT(axis.try_to_switch_off(), HasSubstr("the drive did not switch off"));
+  EXPECT_LT(objects.now() - begun, 3s);
+  EXPECT_EQ(true_state(), PowerState::switch_on_disabled);
+}
+
+TEST_F(NoProgress, AHandOverThatIsNotAcknowledgedCanBeCancelled) {
+  std::optional<Time> cancelled_at;
+  AxisOptions options = rig.options();
+  options.cancelled = [&] { return cancelled_at && objects.now() >= *cancelled_at; };
+  Axis402 cancellable(objects, options);
+  cancellable.enable();
+  cancellable.set_mode(OperationMode::profile_position);
+  objects.set = status_bit::target_reached;
+  objects.cleared = status_bit::mode_bit_12;
+  const Time begun = objects.now();
+  cancelled_at = begun + 200ms;
+  EXPECT_THROW(cancellable.start_move_to(0, quick), Cancelled);
+  EXPECT_LT(objects.now() - begun, 1s);
+}
+
+}  // namespace
+}  // namespace no_progress_test
+}  // namespace servodrome::master::test
