@@ -1,5 +1,7 @@
 #include "master/ethercat/coe_objects.hpp"
 
+#include <algorithm>
+#include <cstdlib>
 #include <fmt/format.h>
 
 namespace servodrome::master {
@@ -10,12 +12,75 @@ namespace {
 // next SYNC0, and the frame after that returns the inputs; plus one cycle for a lost frame.
 constexpr int cycles_to_act = 4;
 
+constexpr ObjectAddress statusword{0x6041, 0};
+constexpr ObjectAddress position{0x6064, 0};
+
 }  // namespace
 
+bool CoeObjects::inputs_have_changed() const {
+  const std::span<const std::uint8_t> inputs = exchange_->inputs(member_);
+  return !std::equal(inputs.begin(), inputs.end(), inputs_.begin(), inputs_.end());
+}
+
+bool CoeObjects::differs(ObjectAddress object, std::uint32_t mask, std::int64_t tolerance) {
+  constexpr int looks = 3;
+  const auto input = exchange_->input(member_, object);
+  if (!input) return false;
+  const auto kept = input->get<std::int32_t>();
+  for (int look = 0; look < looks; ++look) {
+    std::int32_t present = 0;
+    try {
+      present = slave_.coe().read<std::int32_t>(object.index, object.sub);
+    } catch (const CoeError& error) {
+      if (error.from_slave()) return false;
+      throw;
+    }
+    wait(cycles_to_act * exchange_->period());  // a fresh input shows the present value at the latest then
+    if (inputs_have_changed() || !exchange_->inputs_are_fresh()) return false;
+    const std::int64_t difference = std::int64_t{present} - kept;
+    if (((static_cast<std::uint32_t>(present) ^ static_cast<std::uint32_t>(kept)) & mask) == 0 &&
+        std::abs(difference) <= tolerance) {
+      return false;
+    }
+  }
+  return true;
+}
+
+void CoeObjects::watch_inputs() {
+  if (inputs_have_changed()) {
+    const std::span<const std::uint8_t> inputs = exchange_->inputs(member_);
+    inputs_.assign(inputs.begin(), inputs.end());
+    unchanged_since_ = now();
+    compared_ = false;
+    return;
+  }
+  if (compared_ || now() - unchanged_since_ < longest_unchanged) return;
+  compared_ = true;
+  constexpr std::uint32_t state_and_target_reached = 0x046F;
+  constexpr std::int64_t any = std::int64_t{1} << 32;
+  constexpr std::int64_t encoder_noise = 10;
+  const auto fail = [&](const std::string& happened) {
+    throw EthercatError(EthercatError::Kind::malformed, happened, where(),
+                        "the application of the slave hangs, or does not update its inputs: switch its power off and "
+                        "on; look for a newer firmware");
+  };
+  const auto unchanged = std::chrono::duration<double>(longest_unchanged).count();
+  try {
+    inputs_are_stale_ = differs(statusword, state_and_target_reached, any) || differs(position, 0, encoder_noise);
+  } catch (const CoeError& error) {
+    fail(fmt::format("the inputs have not changed for {:g} s, and {}", unchanged, error.happened()));
+  }
+  if (inputs_are_stale_) {
+    fail(fmt::format("the inputs have not changed for {:g} s, but statusword or position have other values by SDO",
+                     unchanged));
+  }
+}
+
 std::vector<std::byte> CoeObjects::upload(ObjectAddress object) {
-  if (exchanges()) {
+  if (exchanges() && !inputs_are_stale_) {
     if (const auto input = exchange_->input(member_, object); input && input->bits() % 8 == 0) {
       exchange_->check(member_);
+      watch_inputs();
       const std::uint64_t value = input->raw();
       const auto bytes = std::as_bytes(std::span(&value, 1)).first(input->bits() / 8);
       return {bytes.begin(), bytes.end()};
@@ -35,6 +100,8 @@ void CoeObjects::download(ObjectAddress object, std::span<const std::byte> data)
       std::memcpy(&value, data.data(), std::min(data.size(), sizeof value));
       output->set_raw(value);
       const Time written = now();
+      unchanged_since_ = written;
+      compared_ = false;
       wait(cycles_to_act * exchange_->period());
       while (exchange_->processed(member_) <= written) wait(exchange_->period());  // throws if the slave is lost
       return;

@@ -7,8 +7,15 @@ namespace servodrome::master {
 // The objects of an EtherCAT slave. Access is by SDO, except for objects that are mapped in a running exchange: these
 // use the process data, because the next cycle would overwrite a value written by SDO. A write to a mapped object
 // returns when the slave has applied it.
+//
+// A slave whose application hangs still exchanges process data with a right working counter, and its inputs keep their
+// values. So if the inputs do not change for `longest_unchanged`, upload() compares statusword and position with their
+// values by SDO. If they differ, or the SDO gets no answer, it throws EthercatError. After a difference, objects are
+// read by SDO only, so that the caller can still stop the axis.
 class CoeObjects final : public ObjectClient {
  public:
+  static constexpr Time longest_unchanged = std::chrono::milliseconds(500);
+
   // `slave`, and `exchange` in which the slave is number `member`, must outlive this. Without an exchange all access is
   // by SDO.
   explicit CoeObjects(EthercatSlave& slave) : slave_(slave) {}
@@ -29,10 +36,19 @@ class CoeObjects final : public ObjectClient {
 
  private:
   bool exchanges() const { return exchange_ != nullptr && exchange_->runs(); }
+  bool inputs_have_changed() const;
+  void watch_inputs();
+  // True if the value by SDO differs from the input in one of the bits `mask`, or by more than `tolerance`, while the
+  // inputs do not change.
+  bool differs(ObjectAddress object, std::uint32_t mask, std::int64_t tolerance);
 
   EthercatSlave& slave_;
   CyclicExchange* exchange_ = nullptr;
   std::size_t member_ = 0;
+  std::vector<std::uint8_t> inputs_;  // as the last upload() found them
+  Time unchanged_since_{};            // time of the last change of an input, or of the last write of an output
+  bool compared_ = false;             // by SDO, since then
+  bool inputs_are_stale_ = false;
 };
 
 }  // namespace servodrome::master

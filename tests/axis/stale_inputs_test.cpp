@@ -1,0 +1,82 @@
+// An EtherCAT slave whose inputs keep their values, with a right working counter.
+#include <gmock/gmock.h>
+
+#include "axis/axis_rig.hpp"
+#include "ethercat/slave/slave.hpp"
+
+namespace servodrome::master::test {
+namespace stale_inputs_test {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr std::int32_t revolution = 131072;
+constexpr MotionProfile quick{10 * revolution, 100 * revolution, 100 * revolution};
+constexpr HomingRequest to_index{34, 2 * revolution, revolution, 100 * revolution, {}};
+
+struct Hang final : ethercat::SlaveInterposer {
+  bool keeps_inputs(Time) override { return hangs; }
+  Receipt receives(std::span<std::uint8_t>) override { return reads_no_mail ? Receipt::discard : Receipt::serve; }
+
+  bool hangs = false;
+  bool reads_no_mail = false;
+};
+
+class StaleInputs : public testing::Test {
+ protected:
+  StaleInputs() { rig.drive().device().ethercat_slave()->interpose(&hang); }
+  ~StaleInputs() override { rig.drive().device().ethercat_slave()->interpose(nullptr); }
+
+  AxisRig rig{{"generic402-ec", RigCase::BusKind::ethercat}};
+  Hang hang;
+  Axis402 axis{rig.objects(), rig.options()};
+  EthercatSlave& slave = *rig.slaves[0];
+};
+
+TEST_F(StaleInputs, EndAMotionAndLeaveTheAxisDisabled) {
+  axis.enable();
+  const Time begun = rig.objects().now();
+  const std::string problem =
+      problem_of([&] { axis.home(to_index, 60s, [&](const AxisStatus&) { hang.hangs = true; }); });
+  EXPECT_THAT(problem, HasSubstr("the inputs have not changed for 0.5 s"));
+  EXPECT_LT(rig.objects().now() - begun, 4s);
+  EXPECT_EQ(axis.try_to_switch_off(), "");
+  EXPECT_EQ(state_of(slave.coe().read<std::uint16_t>(0x6041)), PowerState::switch_on_disabled);
+}
+
+TEST_F(StaleInputs, AndAMailboxWithoutAnswersEndAMotion) {
+  axis.enable();
+  const Time begun = rig.objects().now();
+  const std::string problem =
+      problem_of([&] { axis.home(to_index, 60s, [&](const AxisStatus&) { hang.hangs = hang.reads_no_mail = true; }); });
+  EXPECT_THAT(problem, HasSubstr("the inputs have not changed for 0.5 s, and "));
+  EXPECT_LT(rig.objects().now() - begun, 6s);
+  EXPECT_NE(axis.try_to_switch_off(), "");
+  EXPECT_LT(rig.objects().now() - begun, 20s);
+  hang.reads_no_mail = false;
+  EXPECT_EQ(state_of(slave.coe().read<std::uint16_t>(0x6041)), PowerState::switch_on_disabled);
+}
+
+TEST_F(StaleInputs, DoNotHideThatTheAxisStillTurns) {
+  axis.enable();
+  axis.run_at(2 * revolution, {{}, 100 * revolution, 100 * revolution}, 5s);
+  hang.hangs = true;
+  EXPECT_THAT(problem_of([&] { axis.hold_for(10s); }), HasSubstr("the inputs have not changed"));
+  EXPECT_EQ(axis.try_to_switch_off(), "");
+  EXPECT_NEAR(rig.drive().plant().velocity_rpm(), 0.0, 2.0);
+}
+
+TEST_F(StaleInputs, AreNotThoseOfAnAxisAtRest) {
+  axis.enable();
+  for (int i = 0; i < 200; ++i) {
+    axis.status();
+    rig.objects().wait(20ms);
+  }
+  axis.move_by(revolution, quick, 5s);
+  axis.hold_for(2s);
+  axis.disable();
+}
+
+}  // namespace
+}  // namespace stale_inputs_test
+}  // namespace servodrome::master::test
