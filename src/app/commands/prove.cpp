@@ -36,6 +36,8 @@ constexpr double zero_speed_factor = 0.1;
 constexpr double tolerance_revolutions = 0.001;
 // ... at most this long after target reached, which may refer to the demand position: the shaft follows it later.
 constexpr master::Time settling_time = std::chrono::milliseconds(500);
+// A halt on the ramp of a low --acceleration takes longer, and becomes a quick stop.
+constexpr master::Time longest_halt = std::chrono::seconds(1);
 
 // A drive to test, on any kind of bus.
 struct Drive {
@@ -157,10 +159,16 @@ Outcome outcome_of(const Drive& drive, const std::map<unsigned, std::int8_t>& me
   };
   note([&] {
     const auto opened = open();
-    master::Axis402 axis(opened->objects(), {.product = &product, .cancelled = InterruptGuard::interrupted});
-    note([&] { prove(axis, outcome, options); });
-    if (!outcome.problem.empty()) axis.try_to_switch_off();
-    note([&] { axis.disable(); });  // in any case, also after an error
+    master::Axis402 axis(opened->objects(),
+                         {.product = &product, .longest_halt = longest_halt, .cancelled = InterruptGuard::interrupted});
+    note([&] {
+      prove(axis, outcome, options);
+      axis.disable();
+    });
+    if (outcome.problem.empty()) return;
+    if (const std::string why = axis.try_to_switch_off(); !why.empty()) {
+      outcome.problem += "; the axis could not be disabled: " + why;
+    }
   });
   end_progress(options.bus.json);
   return outcome;
