@@ -399,12 +399,12 @@ void Drive::end_identification() {
   return_to_mode();
 }
 
-// As after a halt: no target of before moves the axis. Modes have not seen the controlwords meanwhile; an edge in them
-// starts nothing.
+// As after a halt: no target of before moves the axis, and no edge of a controlword that came meanwhile.
 void Drive::return_to_mode() {
   axis_.take_over_actual();
   axis_.come_to_rest(RampShape::linear);
   profile_position_.interrupt(axis_, 0);
+  interpolated_position_.clear_buffer();
   with_mode(*this, [&](auto& mode) {
     mode.resume(axis_);
     mode.controlword(axis_, axis_.controlword, axis_.controlword);

@@ -228,7 +228,7 @@ class Drive final : public dictionary::Listener {
   Stop stop_in_switched_on(Command command) const;
   // A quick stop ends in Switch on disabled; from Switched on there is no state Quick stop active on the way.
   bool quick_stops_in_switched_on() const {
-    return stop_.active() && pending_.active && pending_.to == PowerState::switch_on_disabled;
+    return state_ == PowerState::switched_on && pending_.active && pending_.to == PowerState::switch_on_disabled;
   }
   // Interpolated position is active, with the buffer 60C4h.
   bool buffers_records() const {
@@ -305,7 +305,7 @@ class Drive final : public dictionary::Listener {
            (energised() || axis_.velocity() == 0.0);
   }
   void update_greatest_velocity();
-  float own_velocity_limit(bool positive, float before, float shaft);
+  float own_velocity_limit(bool positive, float before, float speed);
   void set_limits();
   void write_actuation();
   void set_mode(Mode mode);
@@ -355,10 +355,9 @@ class Drive final : public dictionary::Listener {
   StopRun stop_{};
   DcLinkWatch dc_link_{};
   bool halted_ = false;
-  bool zero_speed_ = false;                     // held at once, without a ramp, until the brake has closed
-  bool held_by_current_ = false;                // a direct current holds the axis, as in a stepper drive
-  double set_greatest_velocity_ = 0.0;          // counts/s, in the previous cycle
-  std::array<float, 2> own_velocity_limits_{};  // as set, in the previous cycle: positive, negative
+  bool zero_speed_ = false;             // held at once, without a ramp, until the brake has closed
+  bool held_by_current_ = false;        // a direct current holds the axis, as in a stepper drive
+  double set_greatest_velocity_ = 0.0;  // counts/s, in the previous cycle
   // the 6080h it was computed from; empty: units or motor have changed
   std::optional<std::uint32_t> greatest_of_rpm_{};
   // the demand was set to another position, so the following error of the loops is obsolete

@@ -1,5 +1,3 @@
-#include <utility>
-
 #include "drive/rounding.hpp"
 #include "drive/with_mode.hpp"
 
@@ -79,9 +77,11 @@ void Drive::limit_switches(Counts before) {
   }
   if (axis_.demand.loop == Loop::torque) return;
   if (smoothing_passes_software_limit()) {
+    const int direction = smoothing_.velocity() < 0.0F ? -1 : 1;
     axis_.limited = true;
     begin_stop(Stop::quick_stop_ramp);
     stop_.set_at_limit();
+    with_mode(*this, [&](auto& mode) { mode.interrupt(axis_, direction); });
     return;
   }
   const double velocity = velocity_of_demand();
@@ -201,15 +201,14 @@ void Drive::update_greatest_velocity() {
 }
 
 // The product's own limit of the speed in one direction. Like greatest_velocity, a limit that is lowered under way
-// falls by the mode's ramp, from the speed of the shaft. `before`: the limit of the loops in the cycle before; `shaft`:
-// the speed towards the limit, counts/s.
-float Drive::own_velocity_limit(bool positive, float before, float shaft) {
+// falls by the mode's ramp, and is not above the speed of the axis meanwhile. `before`: the limit of the loops in the
+// cycle before; `speed`: towards the limit, counts/s, the greater one of shaft and demand.
+float Drive::own_velocity_limit(bool positive, float before, float speed) {
   const Configuration& own = axis_.configuration;
   float set = positive ? own.velocity_limit_positive : own.velocity_limit_negative;
   const auto& in_torque_mode = positive ? own.torque_mode_velocity_positive : own.torque_mode_velocity_negative;
   if (axis_.demand.loop == Loop::torque && in_torque_mode) set = std::min(set, static_cast<float>(*in_torque_mode));
-  const bool falls = set < std::exchange(own_velocity_limits_[positive ? 0 : 1], set);
-  const float from = falls ? std::min(before, shaft) : before;
+  const float from = std::min(before, std::max(set, speed));
   if (!energised() || from <= set) [[likely]]
     return set;
   double ramp = with_mode(*this, [&](const auto& mode) { return mode.deceleration(axis_); });
@@ -242,8 +241,11 @@ void Drive::set_limits() {
   }
   const auto most = static_cast<float>(axis_.greatest_velocity);
   const auto shaft = static_cast<float>(axis_.velocity());
-  demand.velocity_limit_positive = std::min(most, own_velocity_limit(true, demand.velocity_limit_positive, shaft));
-  demand.velocity_limit_negative = std::min(most, own_velocity_limit(false, demand.velocity_limit_negative, -shaft));
+  const float demanded = demand.loop == Loop::torque ? shaft : demand.velocity;
+  demand.velocity_limit_positive =
+      std::min(most, own_velocity_limit(true, demand.velocity_limit_positive, std::max(shaft, demanded)));
+  demand.velocity_limit_negative =
+      std::min(most, own_velocity_limit(false, demand.velocity_limit_negative, std::max(-shaft, -demanded)));
   if (demand.loop == Loop::torque) {
     if (axis_.active(Signal::positive_limit)) demand.velocity_limit_positive = 0.0F;
     if (axis_.active(Signal::negative_limit)) demand.velocity_limit_negative = 0.0F;

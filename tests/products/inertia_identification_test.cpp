@@ -269,6 +269,23 @@ TEST(InertiaIdentification, WakesNoTargetThatALimitEnded) {
   }
 }
 
+TEST(InertiaIdentification, WakesNoRecordsThatCameMeanwhile) {
+  Bench bench(axis_with(1.0));
+  bench.set(0x60C4, 2, 64);
+  bench.set(0x6060, 0, 7);
+  bench.run_ms(5);
+  bench.control(0x1F);
+  ASSERT_TRUE(bench.device.drive().identify_inertia(Bench::request()));
+  bench.run_ms(100);
+  for (int n = 1; n <= 20; ++n) bench.set(0x60C1, 1, bench.get(0x6064) + 2000 * n);
+  ASSERT_GE(bench.run_until([&] { return !bench.device.drive().identification().running(); }, 8000.0), 0);
+  bench.run_ms(300);
+  const std::int64_t there = bench.plant.position_counts();
+  bench.run_ms(500);
+  EXPECT_NEAR(static_cast<double>(bench.plant.position_counts()), static_cast<double>(there), 100.0);
+  EXPECT_EQ(bench.get(0x60C4, 4), 0);
+}
+
 // Drives that refuse targets beyond 607Dh with a fault keep their own test moves within it as well.
 TEST(InertiaIdentification, StaysWithinSoftwareLimitsThatAreSetMeanwhile) {
   for (const double turns : {0.02, 0.1}) {

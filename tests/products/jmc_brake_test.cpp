@@ -164,6 +164,27 @@ TEST(JmcBrake, DelayCountsAnewWhenEnabledWhileItCloses) {
   EXPECT_EQ(rig.status() & 0x6F, 0x27);
 }
 
+// The quick stop in Switched on and disable voltage end in Switch on disabled, also while the brake still closes: no
+// later command takes them back.
+TEST(JmcBrake, ClosesAfterAQuickStopInSwitchedOn) {
+  for (const int word : {0x02, 0x00}) {
+    for (const int later : {0x06, 0x07, 0x0F}) {
+      SCOPED_TRACE(testing::Message() << word << ", then " << later);
+      BrakeRig rig;
+      rig.set(0x605A, 0, 0);
+      rig.control(0x07);
+      rig.run_ms(500);
+      ASSERT_EQ(rig.status() & 0x6F, 0x23);
+      rig.control(static_cast<std::uint16_t>(word));
+      rig.run_ms(10);
+      rig.control(static_cast<std::uint16_t>(later));
+      EXPECT_GE(rig.ms_until([&] { return !rig.actuation.pwm_enabled; }), 50.0);
+      EXPECT_EQ(rig.status() & 0x6F, 0x40);
+      EXPECT_FALSE(rig.actuation.brake_released);
+    }
+  }
+}
+
 // At rest: the brake closes first, the motor is switched off after P01-30.
 TEST(JmcBrake, ClosesBeforePowerOffAtRest) {
   for (const int delay_ms : {50, 200}) {

@@ -156,7 +156,6 @@ TEST(JmcPowerState, OptionCodes) {
   }
 }
 
-// 605Bh = 0, 605Eh = 0: without a ramp.
 // In Switched on the motor has power (C-30) and may still turn: 605Ch = 0 goes there without a ramp. The commands that
 // end it brake by their own option codes.
 TEST(JmcPowerState, StopsInSwitchedOn) {
@@ -219,6 +218,7 @@ TEST(JmcPowerState, StopsInSwitchedOn) {
   }
 }
 
+// 605Bh = 0, 605Eh = 0: without a ramp.
 TEST(JmcPowerState, DisableWithoutRamp) {
   JmcRig rig;
   rig.open_limits();

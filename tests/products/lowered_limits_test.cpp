@@ -298,6 +298,26 @@ TEST(LoweredSpeedLimit, OfTheJmcsPanelSlowsDown) {  // P04-06
   slows_down(rig);
 }
 
+// A halt stops the axis sooner than the limit would have fallen; its end does not let the axis exceed the limit.
+TEST(LoweredSpeedLimit, OfTheJmcsPanelHoldsAfterAHalt) {
+  test::JmcRig rig;
+  rig.open_limits();
+  ASSERT_NO_FATAL_FAILURE(enable_with_ramps(rig, 3));
+  rig.set(0x60FF, 0, user_velocity(rig, fast_rpm));
+  rig.run_ms(1000);
+  ASSERT_EQ(rig.set_panel(4, 6, static_cast<std::int64_t>(slow_rpm)), dictionary::AbortCode::none);
+  rig.control(0x010F);
+  rig.run_ms(600);
+  ASSERT_LT(std::abs(rig.plant.velocity_rpm()), 5.0);
+  rig.control(0x000F);
+  double fastest = 0.0;
+  for (int i = 0; i < 400; ++i) {
+    rig.run_ms(1);
+    fastest = std::max(fastest, std::abs(rig.plant.velocity_rpm()));
+  }
+  EXPECT_NEAR(fastest, slow_rpm, 0.05 * slow_rpm);
+}
+
 }  // namespace
 }  // namespace lowered_limits_test
 }  // namespace servodrome

@@ -83,7 +83,7 @@ void Cascade::set_demand(const LoopDemand& demand) {
   const Loop previous = demand_.loop;
   const auto controls_velocity = [](Loop loop) { return loop == Loop::position || loop == Loop::velocity; };
   if ((demand.hands_over || demand.loop != previous) && controls_velocity(demand.loop) && controls_velocity(previous))
-    integral_ += demand_.torque - demand.torque;
+    (slow_integral_ ? carried_ : integral_) += demand_.torque - demand.torque;
   demand_ = demand;
   demand_.torque_limit_positive = std::min(demand.torque_limit_positive, peak_torque_);
   demand_.torque_limit_negative = std::min(demand.torque_limit_negative, peak_torque_);

@@ -62,7 +62,7 @@ double CyclicSyncPosition::offset_within_limits(const Axis& axis, double offset)
   const double of_demand = ahead(axis.room_from(axis.generator.nearest_position()));
   const double of_shaft = ahead(axis.room_from(axis.position()));
   const auto kp = static_cast<double>(axis.configuration.gains.position_kp);
-  double most = kp * of_demand;
+  double most = kp > 0.0 ? kp * of_demand : std::abs(offset) + std::abs(static_cast<double>(axis.demand.velocity));
   if (const double quick = axis.quick_stop_ramp(); quick > 0.0)
     most = std::min(most, std::sqrt(2.0 * quick * std::max(0.0, of_shaft)) + kp * (of_demand - of_shaft));
   most -= sign * static_cast<double>(axis.demand.velocity);
