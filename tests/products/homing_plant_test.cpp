@@ -114,7 +114,7 @@ void find_home_from_every_start() {
     }
   }
   std::printf("%d homings\n", runs);
-  EXPECT_GT(runs, servodrome::test::sanitized ? 100 : 1500);
+  EXPECT_GT(runs, 100 * servodrome::test::draws(10));
 }
 
 TEST(HomingOnPlant, OfIsmc) { find_home_from_every_start<products::Ismc>(); }
