@@ -17,7 +17,9 @@ void Packets::apply(const RuleRun& rule) {
   acted_ = true;
   const bool seals = framing_ != nullptr && (rule.rule->checksum || std::holds_alternative<Abort>(rule.rule->action));
   for (Packet& packet : packets_) {
-    if (seals) packet.bytes.resize(packet.bytes.size() - std::min(packet.bytes.size(), framing_->checksum_bytes));
+    if (!seals) continue;
+    const auto checksum = static_cast<std::ptrdiff_t>(std::min(packet.bytes.size(), framing_->checksum_bytes));
+    packet.bytes.erase(packet.bytes.end() - checksum, packet.bytes.end());
   }
   std::visit([&](const auto& action) { change(action, rule); }, rule.rule->action);
   for (Packet& packet : packets_) {
