@@ -300,6 +300,8 @@ void Axis402::halt() {
 void Axis402::resume() {
   if (!halted_) return;
   require_enabled("go on");
+  place_.reset();  // the time of the halt is no time without progress
+  reached_since_.reset();
   const bool moves = mode() == static_cast<std::int8_t>(OperationMode::profile_position);
   if (moves && must_send_again_) {
     if (!goal_ || is_outside_range(*goal_)) fail("the drive has dropped the halted move", "order it anew");
