@@ -196,7 +196,8 @@ bool Subject::stands_within(Time span) {
     const auto shown = kept_.read_if_present<std::int32_t>(0x6064);
     return shown ? shown : kept_.read_if_present<std::int32_t>(0x6063);
   };
-  const double tolerance = units_ ? std::max(2.0, std::abs(units_->position) * revolutions) : 8.0;
+  const double turn = units_ ? std::abs(units_->position) : kept_.read_if_present<std::uint32_t>(0x608F, 1).value_or(0);
+  const double tolerance = std::max(units_ ? 2.0 : 8.0, turn * revolutions);
   auto place = position();
   if (!place) return true;
   const Time deadline = kept_.now() + span;
