@@ -188,7 +188,10 @@ TEST(JmcPowerState, StopsInSwitchedOn) {
        [](JmcRig& rig) {
          rig.set(0x605B, 0, 1);
          rig.control(0x06);
-         rig.run_ms(1);
+         for (int tick = 0; tick < 16; ++tick) {
+           rig.tick();
+           EXPECT_TRUE(rig.actuation.pwm_enabled) << tick;
+         }
          rig.control(0x07);
        },
        200000.0, 0x23},
