@@ -16,11 +16,12 @@ using namespace std::chrono_literals;
 using ethercat::test::DeviceEvents;
 using ethercat::test::DeviceObjects;
 
-inline constexpr std::array<ethercat::DcMode, 1> dc_modes{
-    ethercat::DcMode{.name = "DC", .description = "SYNC0", .assign_activate = 0x0300}};
+inline constexpr ethercat::DcMode sync0_mode{.name = "DC", .description = "SYNC0", .assign_activate = 0x0300};
 
 struct EthercatDevice {
-  EthercatDevice(std::uint32_t serial_number, const ethercat::Profile& its_profile, Time now) : profile(its_profile) {
+  EthercatDevice(std::uint32_t serial_number, const ethercat::Profile& its_profile, const ethercat::DcMode& dc_mode,
+                 Time now)
+      : profile(its_profile) {
     const ethercat::SiiDescription description{.vendor_id = 0x66668888,
                                                .product_code = 0x1234,
                                                .revision_number = 0x00010002,
@@ -29,7 +30,7 @@ struct EthercatDevice {
                                                .group = "Tests",
                                                .order = "TD-1",
                                                .name = "Test device",
-                                               .dc_modes = dc_modes};
+                                               .dc_modes = std::span(&dc_mode, 1)};
     EXPECT_NE(ethercat::write_sii_image(description, profile, ethercat::test::device_table, sii), 0U);
     dictionary.set_listener(dictionary::Owner::drive, &events);
     dictionary.load_defaults(dictionary::Area::all, 0);
@@ -54,12 +55,13 @@ class EthercatLine {
     Time hop{400};
     ethercat::Profile profile{};
     EthercatOptions master{.timeout = 5ms};
+    ethercat::DcMode dc_mode = sync0_mode;
   };
 
   EthercatLine() : EthercatLine(Settings{}) {}
   explicit EthercatLine(const Settings& settings) {
     for (std::size_t i = 0; i < settings.slaves; ++i) {
-      devices.emplace_back(static_cast<std::uint32_t>(i + 1), settings.profile, now);
+      devices.emplace_back(static_cast<std::uint32_t>(i + 1), settings.profile, settings.dc_mode, now);
       cables_.push_back({.esc = &devices.back().esc, .forward = settings.hop, .backward = settings.hop});
     }
     segment = std::make_unique<ethercat::Segment>(cables_);

@@ -134,6 +134,34 @@ TEST(EthercatClocks, ShiftedPulsesAndFramesAtTheirPlace) {
   EXPECT_NEAR(static_cast<double>(now % 2'000'000), 1'800'000.0, 10'000.0);
 }
 
+// ETG.2000, CycleTimeSync0: a cycle of its own, or the master's times the factor; a negative factor divides.
+TEST(EthercatClocks, Sync0HasTheCycleOfTheSlavesDcMode) {
+  struct Row {
+    std::uint32_t cycle_ns;
+    std::int16_t factor;
+    std::uint64_t sync0_cycle_ns;
+  };
+  for (const Row& one : {Row{0, 0, 2'000'000}, Row{0, 1, 2'000'000}, Row{0, 3, 6'000'000}, Row{0, -4, 500'000},
+                         Row{1'000'000, 3, 1'000'000}}) {
+    SCOPED_TRACE(testing::Message() << one.cycle_ns << " ns, factor " << one.factor);
+    ethercat::DcMode mode = sync0_mode;
+    mode.sync0_cycle_ns = one.cycle_ns;
+    mode.sync0_factor = one.factor;
+    EthercatLine line({.slaves = 1, .dc_mode = mode});
+    const auto all = line.open();
+    OperationOptions options = options_with_clocks(2ms);
+    options.sync_error_limit = 0;  // not every SYNC0 has a frame
+    EthercatOperation operation(*line.master, line.found, all, options);
+    line.master->wait(200ms);
+    EXPECT_EQ(line.device(0).esc.clock().sync(0).step, one.sync0_cycle_ns);
+    EXPECT_EQ(line.device(0).objects.communication.output_sync.sync0_cycle_time_ns, one.sync0_cycle_ns);
+    // The frame passes in the middle between two pulses.
+    const std::uint64_t shortest = std::min<std::uint64_t>(one.sync0_cycle_ns, 2'000'000);
+    const std::uint64_t at = line.device(0).esc.clock().system_time(operation.exchange().due());
+    EXPECT_NEAR(static_cast<double>(at % shortest), static_cast<double>(shortest) / 2.0, 10'000.0);
+  }
+}
+
 class LossOfSync : public testing::Test {
  protected:
   LossOfSync() {

@@ -16,12 +16,12 @@ inline constexpr std::size_t sii_bootstrap_bytes = 8;  // out: start, length; in
 struct DcMode {
   const char* name = "";
   const char* description = "";
-  std::uint32_t sync0_cycle_ns = 0;  // 0: the master's cycle
+  std::uint32_t sync0_cycle_ns = 0;  // 0: the master's cycle with `sync0_factor`
   std::uint32_t sync0_shift_ns = 0;
   std::uint32_t sync1_shift_ns = 0;
   std::int16_t sync1_factor = 0;
   std::uint16_t assign_activate = 0x0000;  // value for 0980h and 0981h
-  std::int16_t sync0_factor = 0;
+  std::int16_t sync0_factor = 0;           // below 0: the master's cycle divided by it
 };
 
 // Content of the information memory that comes from neither the profile nor the dictionary.

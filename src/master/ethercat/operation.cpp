@@ -1,6 +1,7 @@
 #include "master/ethercat/operation.hpp"
 
 #include <algorithm>
+#include <cstdlib>
 
 namespace servodrome::master {
 
@@ -15,6 +16,14 @@ std::optional<SiiDcMode> dc_mode_of(const FoundSlave& slave) {
     if ((mode.assign_activate & sync0_bits) == sync0_bits) return mode;
   }
   return std::nullopt;
+}
+
+// The cycle of SYNC0 in ns (ETG.2000, CycleTimeSync0): the cycle of the DC mode, or, if that is 0, the master's cycle
+// times the factor; a negative factor divides.
+std::uint32_t sync0_cycle_of(const SiiDcMode& mode, std::uint32_t cycle) {
+  if (mode.sync0_cycle_ns != 0) return mode.sync0_cycle_ns;
+  const auto factor = static_cast<std::uint32_t>(std::max(std::abs(int{mode.sync0_factor}), 1));
+  return mode.sync0_factor < 0 ? cycle / factor : cycle * factor;
 }
 
 void write_if_possible(EthercatSlave& slave, std::uint16_t index, std::uint8_t sub, std::uint16_t value) {
@@ -125,15 +134,18 @@ void EthercatOperation::start_clocks(std::span<const FoundSlave> line, const Ope
   clocks_->start(options.clock);
   const auto cycle = static_cast<std::uint32_t>(options.cyclic.period.count());
   sync0_start_ = clocks_->common_start(cycle);
+  std::uint32_t shortest = cycle;
   for (const EthercatSlave* slave : slaves_) {
     const auto mode = dc_mode_of(slave->found());
     if (!mode) continue;
+    const std::uint32_t sync0_cycle = sync0_cycle_of(*mode, cycle);
+    shortest = std::min(shortest, sync0_cycle);
     clocks_->start_sync(slave->station(), sync0_start_,
-                        {.sync0_cycle_ns = cycle,
+                        {.sync0_cycle_ns = sync0_cycle,
                          .shift_ns = static_cast<std::int32_t>(options.sync0_shift.count()) + mode->sync0_shift_ns,
                          .assign_activate = mode->assign_activate});
   }
-  const Time before = options.before_sync0.value_or(options.cyclic.period / 2);
+  const Time before = options.before_sync0.value_or(Time{shortest} / 2);
   exchange_->follow_clock(clocks_->reference(), sync0_start_ + static_cast<std::uint64_t>(options.sync0_shift.count()),
                           before);
 }

@@ -7,11 +7,12 @@ namespace servodrome::master {
 
 struct OperationOptions {
   CyclicOptions cyclic{};
-  // True: SYNC0 with the period, if the slave's SII has a DC mode with SYNC0; otherwise free run.
+  // True: SYNC0, if the slave's SII has a DC mode with SYNC0: with the cycle of that mode, which usually is the period;
+  // otherwise free run.
   bool distributed_clocks = false;
   ClockOptions clock{};
   Time sync0_shift{0};
-  // Time from a frame to SYNC0; nullopt: half a period.
+  // Time from a frame to SYNC0; nullopt: half the shortest of the period and the cycles of SYNC0.
   std::optional<Time> before_sync0{};
   // Value for 10F1h sub 2, the limit of the slave's error counter for lost cycles with SYNC0: a lost cycle adds 3, a
   // received one subtracts 1; 0: no limit. nullopt: the slave's value is not changed.

@@ -72,12 +72,12 @@ struct Pdo {
 // A mode of the distributed clock (ETG.1000.6 table 25).
 struct SiiDcMode {
   std::string name;
-  std::uint32_t sync0_cycle_ns = 0;  // 0: the master's cycle
+  std::uint32_t sync0_cycle_ns = 0;  // 0: the master's cycle with `sync0_factor`
   std::int32_t sync0_shift_ns = 0;
   std::int32_t sync1_shift_ns = 0;
   std::int16_t sync1_factor = 0;
   std::uint16_t assign_activate = 0;  // for 0980h and 0981h
-  std::int16_t sync0_factor = 0;
+  std::int16_t sync0_factor = 0;      // below 0: the master's cycle divided by it
 };
 
 // Parsed content of the slave information memory (ETG.1000.6 clause 5.4, ETG.2010).
