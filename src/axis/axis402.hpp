@@ -48,7 +48,7 @@ struct AxisOptions {
   Time reset_timeout = std::chrono::seconds(2);       // for a fault reset, from the edge of the controlword's bit
   Time poll_interval = std::chrono::milliseconds(5);  // between two reads of the statusword
   // A motion fails after this time without progress: the shaft stands and homing does not end, or the drive shows the
-  // target of a move as reached and the axis is elsewhere.
+  // target of a move as reached and the axis is elsewhere and comes no nearer.
   Time progress_timeout = std::chrono::seconds(5);
   const catalogue::Product* product = &catalogue::cia402::product;  // what is known about the drive
   // If the halt by stop() lasts longer than this, stop() changes to a quick stop. nullopt: no such limit; the halt may
@@ -232,7 +232,10 @@ class Axis402 {
   std::optional<AxisUnits> units_per_count();
 
   // Call it after the drive's factors have changed: the axis reads them again when it needs them.
-  void forget_units() { rest_distance_.reset(); }
+  void forget_units() {
+    rest_distance_.reset();
+    rest_increments_.reset();
+  }
 
   ObjectClient& objects() { return objects_; }
   const catalogue::Product& product() const { return *options_.product; }
@@ -278,13 +281,15 @@ class Axis402 {
   void begin_velocity(const MotionProfile& profile);
   // Waits until a halt or a quick stop has ended. Returns false if a halt took longer than `longest`.
   bool wait_for_standstill(std::optional<Time> longest = {});
-  std::int64_t rest_distance();  // position units
-  // Called at each poll of a motion: true if the position has not changed for 0.5 s.
+  std::int64_t rest_distance();    // position units
+  std::int64_t rest_increments();  // the same distance in increments of the encoder
+  // Called at each poll of a motion: true if the position has not changed for 0.5 s, nor its increments since then.
   bool stands();
+  bool has_crept();  // true if 6063h has changed since the last call that returned true
   // True if the drive reports target reached and the position is near the goal. Throws if the axis stands elsewhere, or
-  // does not come near in time.
+  // comes no nearer.
   bool has_arrived(std::uint16_t statusword, const std::string& doing);
-  bool is_near(std::int32_t goal);
+  std::int64_t tolerance();  // around the goal; within it the axis has arrived
   // True if the goal is outside the position range 607Bh of an axis that wraps around.
   bool is_outside_range(std::int64_t goal);
   // True if the limit switch in the direction of motion is active (60FDh); false if the axis has no direction.
@@ -306,17 +311,21 @@ class Axis402 {
   std::string order_{};                 // the last move, as text for messages
   int direction_ = 0;                   // -1, 0, +1: of the last motion command; 0: none
   std::optional<std::int64_t> rest_distance_{};
+  std::optional<std::int64_t> rest_increments_{};
   bool halted_ = false;           // halted by halt()
   bool must_send_again_ = false;  // resume() sends the target of the move again
   bool became_quick_stop_ = false;
-  bool comes_to_rest_ = false;           // true: cancellation is off
-  Time ordered_{};                       // time of the last motion command
-  std::optional<std::int32_t> place_{};  // position since `stands_since_`, for stands()
+  bool comes_to_rest_ = false;                // true: cancellation is off
+  Time ordered_{};                            // time of the last motion command
+  std::optional<std::int32_t> place_{};       // position since `stands_since_`, for stands()
+  std::optional<std::int32_t> increments_{};  // 6063h when the axis seemed to stand there
   Time stands_since_{};
   Time next_look_{};
-  std::optional<Time> reached_since_{};  // the drive shows target reached, but the position is not near the goal
-  std::optional<std::int64_t> near_{};   // tolerance around the goal, within which the axis has arrived
+  std::optional<std::int64_t> closest_{};  // least distance to the goal while the drive shows it as reached
+  Time closest_at_{};
+  std::optional<std::int64_t> near_{};  // for tolerance()
   bool has_position_ = true;
+  bool has_increments_ = true;  // 6063h
   bool has_mode_display_ = true;
   bool has_velocity_ = true;
   bool has_torque_ = true;

@@ -10,6 +10,12 @@
 #include "catalogue/product.hpp"
 
 namespace servodrome::master {
+namespace {
+
+constexpr Time standing = std::chrono::milliseconds(500);
+
+}  // namespace
+
 void Axis402::require_enabled(const char* doing) {
   if (state() != PowerState::operation_enabled) {
     fail(fmt::format("the drive is not enabled and cannot {}", doing), "enable it first");
@@ -199,7 +205,6 @@ void Axis402::start_move_by(std::int32_t distance, const MotionProfile& profile)
 
 bool Axis402::stands() {
   constexpr Time between_looks = std::chrono::milliseconds(100);
-  constexpr Time standing = std::chrono::milliseconds(500);
   const Time now = objects_.now();
   if (halted_) place_.reset();
   if (halted_ || now < next_look_) return false;
@@ -208,8 +213,22 @@ bool Axis402::stands() {
   if (!place_ || std::abs(std::int64_t{at} - *place_) > 1) {
     place_ = at;
     stands_since_ = now;
+    increments_.reset();
+  } else if (now - stands_since_ >= standing && has_crept()) {
+    stands_since_ = now;
   }
   return now - stands_since_ >= standing;
+}
+
+// The position units may be too coarse to show a slow motion; the increments of the encoder show it.
+bool Axis402::has_crept() {
+  if (!has_increments_) return false;
+  const auto present = objects_.read_if_present<std::int32_t>(0x6063);
+  has_increments_ = present.has_value();
+  if (!present) return false;
+  const bool moved = increments_ && std::abs(std::int64_t{*present} - *increments_) > rest_increments();
+  if (!increments_ || moved) increments_ = present;
+  return moved;
 }
 
 bool Axis402::is_outside_range(std::int64_t goal) {
@@ -219,7 +238,7 @@ bool Axis402::is_outside_range(std::int64_t goal) {
   return lowest && highest && *lowest < *highest && (goal < *lowest || goal > *highest);
 }
 
-bool Axis402::is_near(std::int32_t goal) {
+std::int64_t Axis402::tolerance() {
   if (!near_) {
     constexpr std::int64_t least = 2000;  // used if the units of a revolution are unknown
     constexpr std::uint32_t no_window = 1U << 30;
@@ -228,9 +247,9 @@ bool Axis402::is_near(std::int32_t goal) {
     near_ = std::max<std::int64_t>(window < no_window ? window : 0,
                                    revolution ? std::llround(revolution->position / 50) + 1 : least);
     // The position wraps around before it reaches such a goal, so goal and position cannot be compared.
-    if (is_outside_range(goal)) near_ = std::numeric_limits<std::int64_t>::max();
+    if (is_outside_range(*goal_)) near_ = std::numeric_limits<std::int64_t>::max();
   }
-  return std::abs(std::int64_t{goal} - position()) <= *near_;
+  return *near_;
 }
 
 bool Axis402::at_limit() {
@@ -257,21 +276,26 @@ void Axis402::leave_if_rests_at_limit(const std::string& doing) {
 
 bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
   const bool reached = (statusword & status_bit::target_reached) != 0;
-  if (!goal_ || (reached && is_near(*goal_))) return reached;
-  if (!reached || halted_) {
-    reached_since_.reset();
-  } else if (!reached_since_) {
-    reached_since_ = objects_.now();
-  } else if (objects_.now() - *reached_since_ >= options_.progress_timeout) {
+  if (!goal_) return reached;
+  if (!reached) {
+    closest_.reset();
+  } else {
     const std::int32_t at = position();
-    const std::string problem = try_to_stop();
-    fail(fmt::format("{}: the drive shows the target as reached, but the position is {} and changes{}", doing, at,
-                     problem.empty() ? "" : "; " + problem),
-         "check whether the shaft turns or only the position drifts (encoder, its cable and its shield)");
+    const std::int64_t distance = std::abs(std::int64_t{*goal_} - at);
+    if (distance <= tolerance()) return true;
+    if (!closest_ || distance <= *closest_) {
+      closest_ = distance;
+      closest_at_ = objects_.now();
+    } else if (objects_.now() - closest_at_ >= options_.progress_timeout) {
+      const std::string problem = try_to_stop();
+      fail(fmt::format("{}: the drive shows the target as reached, but the position is {} and does not come nearer{}",
+                       doing, at, problem.empty() ? "" : "; " + problem),
+           "check whether the shaft turns or only the position drifts (encoder, its cable and its shield)");
+    }
   }
   if (!stands()) return false;
   leave_if_at_limit(doing);
-  if (!reached) return false;
+  if (!reached || objects_.now() - stands_since_ < 2 * standing) return false;  // it may creep
   const std::int32_t goal = *goal_;
   const std::string problem = try_to_stop();
   fail(fmt::format("{}: the drive shows the target as reached, but the axis stands at {} instead of {}{}", doing,
@@ -284,7 +308,7 @@ void Axis402::wait_for_target(Time timeout, const Progress& progress) {
   const std::string doing = order_.empty() ? "moving" : order_;
   place_.reset();
   near_.reset();
-  reached_since_.reset();
+  closest_.reset();
   follow(timeout, progress, doing, [&](std::uint16_t word) { return has_arrived(word, doing); });
 }
 

@@ -19,6 +19,14 @@ bool is_cyclic(OperationMode mode) {
          mode == OperationMode::cyclic_synchronous_torque;
 }
 
+// The distance that an axis at rest may move. While the integral of the velocity loop decreases, the shaft slips
+// repeatedly against its friction (measured on an iSMK after a halt: slips of 2 rpm for 5 ms).
+std::int64_t rest_of(double revolution) {
+  constexpr double least = 10.0;
+  constexpr double revolutions = 0.001;
+  return std::llround(std::max(least, revolutions * std::abs(revolution)));
+}
+
 }  // namespace
 
 // Sets the target velocity to 0 before the mode changes, so that the target of a former run does not act.
@@ -141,16 +149,17 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
   });
 }
 
-// The distance that an axis at rest may move. While the integral of the velocity loop decreases, the shaft slips
-// repeatedly against its friction (measured on an iSMK after a halt: slips of 2 rpm for 5 ms).
 std::int64_t Axis402::rest_distance() {
-  constexpr double units = 10.0;
-  constexpr double revolutions = 0.001;
   if (!rest_distance_) {
     const auto scale = this->units();
-    rest_distance_ = std::llround(std::max(units, scale ? revolutions * std::abs(scale->position) : 0.0));
+    rest_distance_ = rest_of(scale ? scale->position : 0.0);
   }
   return *rest_distance_;
+}
+
+std::int64_t Axis402::rest_increments() {
+  if (!rest_increments_) rest_increments_ = rest_of(counts_per_revolution().value_or(0.0));
+  return *rest_increments_;
 }
 
 // With halt set, target reached means standstill (CiA 402-2 table 29). Some drives (iSMK) do not report this in homing:
@@ -301,7 +310,7 @@ void Axis402::resume() {
   if (!halted_) return;
   require_enabled("go on");
   place_.reset();  // the time of the halt is no time without progress
-  reached_since_.reset();
+  closest_.reset();
   const bool moves = mode() == static_cast<std::int8_t>(OperationMode::profile_position);
   if (moves && must_send_again_) {
     if (!goal_ || is_outside_range(*goal_)) fail("the drive has dropped the halted move", "order it anew");

@@ -34,6 +34,7 @@ class Shown final : public ObjectClient {
       std::int32_t position = 0;
       std::memcpy(&position, bytes.data(), sizeof position);
       position += static_cast<std::int32_t>(drift_per_s * std::chrono::duration<double>(now()).count());
+      position /= counts_per_unit;
       std::memcpy(bytes.data(), &position, sizeof position);
     }
     return bytes;
@@ -48,6 +49,7 @@ class Shown final : public ObjectClient {
   unsigned cleared = 0;
   bool is_frozen = false;
   double drift_per_s = 0.0;
+  std::int32_t counts_per_unit = 1;
 
  private:
   ObjectClient& drive_;
@@ -86,6 +88,66 @@ TEST_F(NoProgress, EndsAMoveThatTheDriveShowsAsReachedElsewhere) {
   EXPECT_THAT(problem_of([&] { axis.move_to(0, quick, 60s); }), HasSubstr("the drive shows the target as reached"));
   EXPECT_LT(objects.now() - begun, 10s);
   EXPECT_EQ(axis.try_to_switch_off(), "");
+}
+
+// The drive shows the target as reached from the beginning, and takes 10 s to get there.
+TEST_F(NoProgress, IsNoSlowApproachToATargetShownAsReached) {
+  axis.enable();
+  objects.set = status_bit::target_reached;
+  const MotionProfile slow{revolution / 5, 100 * revolution, 100 * revolution};
+  const std::int32_t target = axis.position() + 2 * revolution;
+  axis.move_to(target, slow, 60s);
+  EXPECT_NEAR(axis.position(), target, revolution / 40);
+}
+
+// In units that are as coarse as a revolution 6064h changes every 15 s. A ProNet homes to no index.
+bool is_pronet(const RigCase& one) { return std::string_view(one.product) == "pronet"; }
+class CoarseUnits : public testing::TestWithParam<RigCase> {};
+std::vector<RigCase> every_product_that_homes() {
+  std::vector<RigCase> cases(std::begin(every_product), std::end(every_product));
+  for (RigCase& one : cases) {
+    if (is_pronet(one)) {
+      one.axis_text = "[axis.travel]\ncounts_per_unit = 131072\nlow_stop = -9\nhigh_stop = 9\nnegative_limit = -0.7\n";
+    }
+  }
+  return cases;
+}
+INSTANTIATE_TEST_SUITE_P(Every, CoarseUnits, testing::ValuesIn(every_product_that_homes()),
+                         [](const auto& row) { return row.param.name(); });
+
+TEST_P(CoarseUnits, HomingThatCreepsGoesOn) {
+  AxisRig rig(GetParam());
+  Shown objects(rig.objects());
+  Axis402 axis(objects, rig.options());
+  const AxisUnits units = axis.units().value_or(AxisUnits{revolution, revolution, revolution});
+  objects.counts_per_unit = static_cast<std::int32_t>(units.position);
+  constexpr double rps = 1.0 / 15.0;
+  const HomingRequest creeping{.method = is_pronet(GetParam()) ? std::int8_t{17} : std::int8_t{34},
+                               .switch_speed = static_cast<std::uint32_t>(rps * units.velocity),
+                               .zero_speed = static_cast<std::uint32_t>(rps * units.velocity),
+                               .acceleration = static_cast<std::uint32_t>(100 * units.acceleration)};
+  axis.enable();
+  const Time begun = objects.now();
+  axis.home(creeping, 60s);
+  EXPECT_GT(objects.now() - begun, 7s) << "the index is too near for this test";
+}
+
+// Five units in a revolution: the axis is 7 s within a unit.
+TEST(CoarseFactors, HomingAndAMoveThatCreepGoOn) {
+  for (const RigCase& its_case : {RigCase{"generic402"}, RigCase{"generic402", RigCase::BusKind::modbus},
+                                  RigCase{"generic402-ec", RigCase::BusKind::ethercat}}) {
+    SCOPED_TRACE(its_case.name());
+    AxisRig rig(its_case);
+    Shown objects(rig.objects());
+    Axis402 axis(objects, rig.options());
+    constexpr std::uint32_t creeping = 150;  // 0.15 units/s
+    objects.write<std::uint32_t>(0x6092, 1, 5);
+    objects.write<std::uint32_t>(0x6096, 1, 1000);
+    axis.enable();
+    EXPECT_EQ(problem_of([&] { axis.home({34, creeping, creeping, 1'000'000, 0}, 60s); }), "");
+    objects.set = status_bit::target_reached;
+    EXPECT_EQ(problem_of([&] { axis.move_to(axis.position() + 3, {creeping, 1'000'000, 1'000'000}, 60s); }), "");
+  }
 }
 
 TEST_F(NoProgress, AFrozenStatuswordIsReportedAndTheAxisIsSwitchedOff) {
