@@ -150,6 +150,23 @@ TEST_F(Sequences, AFailedResetDoesNotGoOn) {
   EXPECT_FALSE(power.Status);
 }
 
+// The first cause is gone, and another one prevents the reset.
+TEST_F(Sequences, AFailedResetShowsTheFaultThatPreventsIt) {
+  program([&] { reset(axis); });
+  drive.is_silent = true;
+  controller.run_for(20ms);
+  ASSERT_EQ(axis.error(), ErrorId::communication_lost);
+  drive.is_silent = false;
+  drive.break_down(0x7320);
+  drive.stays_broken = true;
+  controller.run_for(5ms);
+  EXPECT_EQ(axis.error(), ErrorId::communication_lost) << "the first one is the cause";
+  reset.Execute = true;
+  ASSERT_TRUE(controller.run_until([&] { return reset.Error; }, 5s));
+  EXPECT_EQ(axis.error(), ErrorId::drive_fault);
+  EXPECT_EQ(axis.drive_error_code(), 0x7320);
+}
+
 TEST_F(Sequences, NothingIsEnabledOrResetByOldInputs) {
   program([&] {
     reset(axis);

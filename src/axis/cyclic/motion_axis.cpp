@@ -100,8 +100,9 @@ void MotionAxis::take_position() {
   }
 }
 
+// The first fault is shown, except that a fault that prevents a reset replaces it.
 void MotionAxis::fail(AxisFault fault) {
-  if (fault_ != AxisFault::none) return;
+  if (fault_ != AxisFault::none && !resetting_) return;
   fault_ = fault;
   error_code_ = axis_.error_code();
   enabled_ = false;

@@ -269,6 +269,7 @@ void Axis::cancel_reset() {
 void Axis::watch_power() {
   if (motion_.fault() != AxisFault::none) {
     if (state_ != AxisState::ErrorStop) enter_error_stop(error_of(motion_.fault()));
+    if (resetting_) error_ = error_of(motion_.fault());
     return;
   }
   if (state_ == AxisState::ErrorStop) {
