@@ -216,8 +216,9 @@ struct Axis {
     return std::any_of(policy.faults.rows.begin(), policy.faults.rows.end(),
                        [cause](const FaultRow& row) { return row.cause == cause; });
   }
+  // A cause that is no fault of the product has no effect, and hides none.
   void raise(Cause cause) {
-    if (raised == Cause::none) raised = cause;
+    if (raised == Cause::none && monitors(cause)) raised = cause;
   }
 
   // The shape for a value of 6086h; linear for an unsupported type. (Planning a motion with an unsupported type is a

@@ -231,6 +231,17 @@ TEST(PronetInterpolation, AlarmA69ExactlyWhenDataIsLate) {
   }
 }
 
+// A period of 0 in 60C2h is no fault of this product, and hides none.
+TEST(PronetInterpolation, AlarmA69AlsoWithAPeriodOfZero) {
+  Axis axis;
+  Master master(axis);
+  ASSERT_EQ(axis.set(0x60C2, 1, 0), dictionary::AbortCode::none);
+  for (int i = 0; i < 20; ++i) master.cycle(0);
+  EXPECT_FALSE(alarmed(axis));
+  axis.run_ms(5);
+  EXPECT_TRUE(alarmed(axis));
+}
+
 TEST(PronetInterpolation, TheAlarmIsNotArmedBeforeTheFirstSync) {
   Axis axis;
   Master master(axis);
