@@ -253,28 +253,6 @@ TEST(TorqueBegins, WithTheLoadThatTheBrakeHeld) {
   }
 }
 
-TEST(TorqueBegins, NotAfterAStopWhileTheBrakeOpens) {
-  for (const std::uint16_t word : std::to_array<std::uint16_t>({0x02, 0x06, 0x07})) {
-    for (const bool fault : {false, true}) {
-      for (const int after_ms : {2, 20, 50}) {
-        SCOPED_TRACE(testing::Message() << std::hex << word << (fault ? ", fault" : "") << std::dec << after_ms);
-        Hanging axis(4);
-        for (const auto code : std::to_array<std::uint16_t>({0x605B, 0x605C})) axis.set(code, 0, 1);
-        axis.set(0x605E, 0, 2);
-        axis.control(0x0F);
-        axis.run_ms(after_ms);
-        const double before = axis.turns();
-        axis.control(word);
-        if (fault) axis.device.drive().inject(drive::Cause::motor_hot, true);
-        axis.strays(500);
-        EXPECT_NEAR(axis.turns(), before, 0.02);
-        EXPECT_FALSE(axis.actuation.pwm_enabled);
-        EXPECT_FALSE(axis.actuation.brake_released);
-      }
-    }
-  }
-}
-
 // --- A torque beyond its limit
 
 // 6071h = 3000 for 3 s, of which 6072h allows 500: without a target the torque falls from 500 in 0.5 s.
