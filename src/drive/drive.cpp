@@ -285,7 +285,7 @@ void Drive::cycle(const Feedback& feedback) {
     axis_.raised = Cause::none;
   }
   if (smooths) {
-    smooth_demand(stood_at);
+    smooth_demand(moved_demand_ ? std::nullopt : stood_at);
   } else {
     smoothing_.leave();
   }

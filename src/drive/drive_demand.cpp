@@ -77,11 +77,12 @@ void Drive::limit_switches(Counts before) {
   }
   if (axis_.demand.loop == Loop::torque) return;
   if (smoothing_passes_software_limit()) {
-    const int direction = smoothing_.velocity() < 0.0F ? -1 : 1;
+    // The mode goes on from the smoothed demand, and keeps to the limit as it does without smoothing.
     axis_.limited = true;
-    begin_stop(Stop::quick_stop_ramp);
-    stop_.set_at_limit();
-    with_mode(*this, [&](auto& mode) { mode.interrupt(axis_, direction); });
+    take_over_shaft();
+    axis_.come_to_rest(RampShape::linear, axis_.quick_stop_ramp());
+    with_mode(*this, [&](auto& mode) { mode.resume(axis_); });
+    axis_.follow_generator(axis_.demand.loop);
     return;
   }
   const double velocity = velocity_of_demand();
@@ -89,14 +90,13 @@ void Drive::limit_switches(Counts before) {
   if (!bounds_velocity && !axis_.at_limit_switch()) return;
   const double quick = quick_stop_deceleration();
   const double moves = demanded_direction(before);
-  bool blocked = axis_.runs_into_limit_switch(moves);
+  int blocked = !axis_.runs_into_limit_switch(moves) ? 0 : moves < 0.0 ? -1 : 1;
   if (bounds_velocity) {
     const bool near = axis_.near_software_limit(velocity, quick);
     axis_.stopped_at = !near ? 0 : velocity < 0.0 ? -1 : 1;
-    blocked |= near;
+    if (near) blocked = axis_.stopped_at;
   }
-  if (!blocked) return;
-  const int direction = moves < 0.0 ? -1 : 1;
+  if (blocked == 0) return;
   if (!policy_.status.limit_switches_show_as_limit) axis_.limited = true;
   constexpr double slow_rpm = 10.0;
   const bool slow =
@@ -109,7 +109,7 @@ void Drive::limit_switches(Counts before) {
     axis_.generator.reset(before);
     axis_.follow_generator(axis_.demand.loop);
   }
-  with_mode(*this, [&](auto& mode) { mode.interrupt(axis_, direction); });
+  with_mode(*this, [&](auto& mode) { mode.interrupt(axis_, blocked); });
 }
 
 // Some products hold the axis as a stepper does, by a constant current, so that the axis does not hunt at standstill.

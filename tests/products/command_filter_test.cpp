@@ -252,6 +252,53 @@ TEST(CommandFilter, IsmkStopsBeforeASoftwareLimitSetInMotion) {
   }
 }
 
+// A set-point that leads back inside is followed, whether it comes before the axis brakes for a limit set in motion,
+// while it brakes, or at rest, as without the filter.
+TEST(CommandFilter, IsmkFollowsASetPointBackFromASoftwareLimitSetInMotion) {
+  for (const int mode : {1, 3}) {
+    for (const int filter : {1, 50, 255}) {
+      for (const int after_ms : {0, 20, 60, 100, 150, 200, 300, 2000}) {
+        SCOPED_TRACE(::testing::Message() << "mode " << mode << ", " << filter << " ms, after " << after_ms << " ms");
+        test::IsmkRig rig;
+        ASSERT_NO_FATAL_FAILURE(home_here(rig, filter));
+        rig.set(0x6060, 0, mode);
+        const std::int64_t speed = std::llround(velocity_dec_from_rpm(1500));
+        rig.set(0x6081, 0, speed);
+        for (const auto ramp : std::to_array<std::uint16_t>({0x6083, 0x6084})) rig.set(ramp, 0, rig.get(0x6085) / 4);
+        rig.set(0x607A, 0, 65536 * 100);
+        rig.run_ms(5);
+        rig.control(0x1F);
+        rig.set(0x60FF, 0, mode == 3 ? speed : 0);
+        rig.run_ms(2000);
+        const drive::Axis& axis = rig.device.drive().axis();
+        ASSERT_GT(axis.velocity(), 24.0 * 65536.0);
+        const double stop = axis.velocity() * axis.velocity() / (2.0 * axis.quick_stop_ramp());
+        const auto limit = axis.position() + std::llround(stop + 65536.0);
+        const std::int64_t back = axis.position() - 65536 * 5;
+        rig.set(0x607D, 1, limit);
+        rig.set(0x607D, 2, -65536 * 100);
+        std::int64_t furthest = 0;
+        const auto run = [&](int milliseconds) {
+          for (int i = 0; i < milliseconds; ++i) rig.run_ms(1), furthest = std::max(furthest, axis.position());
+        };
+        run(after_ms);
+        rig.control(0x0F);
+        rig.set(0x607A, 0, back);
+        rig.control(0x3F);
+        rig.set(0x60FF, 0, mode == 3 ? -speed : 0);
+        run(3000);
+        EXPECT_LT(static_cast<double>(furthest - limit) / 65536.0, 0.02);
+        if (mode == 1) {
+          EXPECT_NEAR(static_cast<double>(axis.position()), static_cast<double>(back), 200.0);
+          EXPECT_NE(rig.status() & 0x0400, 0);
+        } else {
+          EXPECT_LT(axis.velocity(), -20.0 * 65536.0);
+        }
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace command_filter_test
 }  // namespace servodrome

@@ -265,6 +265,35 @@ TEST(QuickStop, ByTheSlowDownRampKeepsToLimits) {
   }
 }
 
+// The target turns back while the axis still runs towards a limit that stops it.
+TEST(TargetAwayFromALimit, IsFollowedAfterTheStop) {
+  for (const std::int64_t mode : {2, 3}) {
+    for (const bool at_switch : {true, false}) {
+      SCOPED_TRACE(testing::Message() << "mode " << mode << (at_switch ? ", switch" : ", 607Dh"));
+      Reference axis(mode);
+      axis.set(0x6083, 0, 200 * turn);
+      axis.set(0x6084, 0, 10 * turn);
+      axis.set(0x6085, 0, 1000 * turn);
+      axis.set(0x6048, 1, 12000);
+      axis.set(0x6049, 1, 600);
+      axis.set(0x604A, 1, 60000);
+      axis.set(0x60FF, 0, 20 * turn);
+      axis.set(0x6042, 0, 1200);
+      axis.control(mode == 2 ? 0x7F : 0x0F);
+      axis.run_ms(300);
+      ASSERT_NEAR(axis.turns_per_s(), 20.0, 0.5);
+      axis.set(0x60FF, 0, -5 * turn);
+      axis.set(0x6042, 0, -300);
+      axis.run_ms(20);
+      ASSERT_GT(axis.turns_per_s(), 15.0);
+      const double limit = axis.turns() + 1.0;
+      at_switch ? axis.plant.force_input(0, true) : axis.limit_turns(-100.0, limit);
+      EXPECT_LT(furthest(axis, 3000), limit + 0.02);
+      EXPECT_NEAR(axis.turns_per_s(), -5.0, 0.1);
+    }
+  }
+}
+
 // The mode was entered in the halt, so it has not had a target yet.
 TEST(SwitchMetInAHalt, EndsTheMotionOfANewMode) {
   for (const std::int64_t mode : {2, 3, 9}) {

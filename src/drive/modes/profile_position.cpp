@@ -298,9 +298,10 @@ void ProfilePosition::halt(Axis& axis) {
   }
 }
 
-// 607Dh was changed in motion: the motion ends at the limit or, if that is too near or behind, as early as possible.
+// 607Dh was changed in motion: the motion ends at the limit or, if that is too near or behind, as early as possible. A
+// set-point with immediate effect replaces the motion.
 void ProfilePosition::keep_to_limits(Axis& axis) {
-  if (!axis.software_limits_active()) return;
+  if (immediate_pending_ || !axis.software_limits_active()) return;
   if (!running_) return axis.rest_within_limits();
   const std::int64_t clipped = axis.within_limits_of_turn(target_user_);
   if (clipped == target_user_) return;
@@ -395,6 +396,7 @@ void ProfilePosition::interrupt(Axis&, int) {
 // A set-point whose demand had ended is resumed as well: the halt began at the position of the shaft, before the
 // target.
 void ProfilePosition::resume(Axis& axis) {
+  braking_ = false;
   const bool left = given_ && !interrupted_ && axis.generator.nearest_position() != target_;
   if (!running_ && !left) return;
   axis.limited = false;

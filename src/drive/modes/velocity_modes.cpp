@@ -81,12 +81,12 @@ double ProfileVelocity::velocity_of(const Request& request, const Axis& axis) {
   return request.inverted ? -velocity : velocity;
 }
 
-// The limit ended the motion to the present target. This is also right if the mode was entered during a halt and has
-// not planned a motion yet.
-void ProfileVelocity::interrupt(Axis& axis, int) {
-  given_up_ = planned_ = true;
+// The limit ended the motion to the present target, unless this target leads away from the limit. This is also right if
+// the mode was entered during a halt and has not planned a motion yet.
+void ProfileVelocity::interrupt(Axis& axis, int direction) {
   request_ = request_of(axis);
   wanted_ = velocity_of(request_, axis);
+  given_up_ = planned_ = wanted_ * direction >= 0.0;
 }
 
 void ProfileVelocity::step(Axis& axis) {
@@ -253,9 +253,9 @@ VelocityMode::Input VelocityMode::input(const Axis& axis) const {
   return {axis.units.velocity_inverted ? -velocity : velocity, magnitude != std::abs(target)};
 }
 
-void VelocityMode::interrupt(Axis& axis, int) {
-  blocked_ = planned_ = true;
+void VelocityMode::interrupt(Axis& axis, int direction) {
   target_ = input(axis).velocity;
+  blocked_ = planned_ = target_ * direction >= 0.0;
 }
 
 void VelocityMode::step(Axis& axis) {

@@ -37,7 +37,7 @@ class ProfileVelocity : public ModeDefaults {
   void resume(Axis& axis) {
     if (!given_up_) enter(axis);
   }
-  void interrupt(Axis& axis, int);
+  void interrupt(Axis& axis, int direction);
   std::uint16_t status(const Axis& axis) const;
 
  private:
@@ -99,7 +99,7 @@ class VelocityMode : public ModeDefaults {
   void resume(Axis& axis) {
     if (!blocked_) enter(axis);
   }
-  void interrupt(Axis& axis, int);
+  void interrupt(Axis& axis, int direction);
   double deceleration(const Axis& axis) const;
   double quick_stop_deceleration(const Axis& axis) const;
   std::uint16_t status(const Axis&) const { return 0; }
