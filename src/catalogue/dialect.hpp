@@ -64,6 +64,8 @@ struct Dialect {
   // A homing method that turns the motor by at most one revolution and needs no switch.
   std::int8_t cautious_homing_method = 34;
   SoftwareLimitSubs software_limits{};
+  // The UINT16 object with the milliseconds in which the brake closes before the drive switches off.
+  std::optional<ObjectAddress> brake_delay{};
   // 607Bh is the range in which positions wrap around.
   bool has_position_range = true;
   // A halt discards the target; to continue the move, the master must send the target again.

@@ -11,8 +11,8 @@ namespace servodrome::scenario {
 
 struct RuleRun;
 
-// A state of the machine, for example of a cable, the power of a drive, an injected fault: 0 or 1, or a number. An
-// input can also have none: it is connected to its switch.
+// A state of the machine that has a number: 0 or 1 for a cable, the power of a drive or an injected fault; more values
+// for a clock or an error state. The level of an input that is not forced is nullopt.
 struct MachineState {
   using Value = std::optional<std::int64_t>;
   std::string name;  // the same for all rules that hold this state

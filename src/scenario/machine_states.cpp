@@ -138,7 +138,7 @@ MachineState error_state_of(const line::Line& line, links::CanBus& bus, const li
   return {.name = "error state of " + axis.settings().name,
           .held = static_cast<std::int64_t>(state),
           .read = [&bus, port = axis.port()]() -> MachineState::Value {
-            return static_cast<std::int64_t>(bus.error_state(port));
+            return static_cast<std::int64_t>(bus.forced_error_state(port));
           },
           .write =
               [&line, &bus, port = axis.port()](MachineState::Value value) {

@@ -73,9 +73,10 @@ void MasterWatch::look(Time now) {
     watch.deeds.fault_resets.forget(now);
     watch.deeds.repeats.forget(now);
     const bool reset = axis->powered() && (axis->device().drive().axis().objects.controlword & fault_reset) != 0;
-    if (reset && !watch.reset) watch.deeds.fault_resets.add(now);
+    if (reset && !watch.reset && watch.has_looked) watch.deeds.fault_resets.add(now);
     watch.reset = reset;
     look_at_set_point(*axis, watch);
+    watch.has_looked = true;
   }
 }
 
@@ -84,7 +85,7 @@ void MasterWatch::look_at_set_point(line::Axis& axis, AxisWatch& watch) {
   const bool cyclic = axis.powered() && drive.state() == drive::PowerState::operation_enabled &&
                       drive.mode() == drive::Mode::cyclic_sync_position;
   const bool following = cyclic && drive.axis().commanded.has_value();
-  if (following && !watch.following) {
+  if (following && !watch.following && watch.has_looked) {
     const drive::Axis& its = drive.axis();
     const std::int64_t actual = axis.device().dictionary().number(0x6064, 0);
     std::int64_t distance = *its.commanded - actual;

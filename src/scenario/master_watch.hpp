@@ -50,8 +50,9 @@ class MasterWatch {
   class BusWatch;
   struct AxisWatch {
     MasterDeeds deeds;
-    bool reset = false;      // bit 7 at the last tick
-    bool following = false;  // had a set-point in cyclic synchronous position at the last tick
+    bool reset = false;       // bit 7 at the last tick
+    bool following = false;   // had a set-point in cyclic synchronous position at the last tick
+    bool has_looked = false;  // at least once: what the master did before the scenario is not judged
   };
 
   static void look_at_set_point(line::Axis& axis, AxisWatch& watch);

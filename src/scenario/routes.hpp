@@ -23,13 +23,13 @@ class Routes {
 
   enum class Extra : std::uint8_t { none, standard_expectations };
   // Begins a scenario in place of the present one, and returns its director, which is valid until the next one begins.
-  // With the standard expectations the scenario is a trial. Throws ApiError with line and column of the first error;
-  // the present scenario then goes on.
+  // Throws ApiError with line and column of the first error; the present scenario then goes on.
   Director& begin(const std::string& text, const std::string& file, Extra extra);
   // The director of the present scenario, or of the last one; nullptr: no scenario has begun yet.
   Director* director() const { return director_.get(); }
 
-  // The trial is over: requests may begin and end scenarios again.
+  // The present scenario is part of a trial: until end_trial() requests neither replace nor end it.
+  void begin_trial() { in_trial_ = true; }
   void end_trial() { in_trial_ = false; }
 
   // Begins a scenario in place of the present one. Throws ApiError with line and column of the first error, and

@@ -61,11 +61,13 @@ Json TrialRoutes::begin(const std::string& body) {
   const double after_s = reader.number("after_s", 0, 60).value_or(3);
   reader.finish();
   scenario::Director& begun = scenarios_.begin(text, file, scenario::Routes::Extra::standard_expectations);
+  record_.reset();  // of the trial that the scenario has replaced
   result_ = {};
   result_.path = file;
   result_.scenario = begun.scenario();
   const auto after = std::chrono::duration_cast<line::Time>(std::chrono::duration<double>(after_s));
   record_ = std::make_unique<TrialRecord>(line_, result_.scenario.duration + after);
+  scenarios_.begin_trial();
   return Json{{"title", result_.scenario.title},
               {"duration_s", std::chrono::duration<double>(result_.scenario.duration).count()},
               {"seed", result_.scenario.seed}};

@@ -2,18 +2,15 @@
 #include <cstring>
 #include <gmock/gmock.h>
 
-#include "axis/axis_rig.hpp"
 #include "axis/cia402_words.hpp"
+#include "axis/quick_motions.hpp"
 
 namespace servodrome::master::test {
 namespace no_progress_test {
 namespace {
 
+using namespace quick_motions;
 using testing::HasSubstr;
-
-constexpr std::int32_t revolution = 131072;
-constexpr MotionProfile quick{10 * revolution, 100 * revolution, 100 * revolution};
-constexpr HomingRequest to_index{34, 2 * revolution, revolution, 100 * revolution, {}};
 
 // A drive that shows another statusword or position than it has.
 class Shown final : public ObjectClient {

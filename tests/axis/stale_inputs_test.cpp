@@ -1,18 +1,15 @@
 // An EtherCAT slave whose inputs keep their values, with a right working counter.
 #include <gmock/gmock.h>
 
-#include "axis/axis_rig.hpp"
+#include "axis/quick_motions.hpp"
 #include "ethercat/slave/slave.hpp"
 
 namespace servodrome::master::test {
 namespace stale_inputs_test {
 namespace {
 
+using namespace quick_motions;
 using testing::HasSubstr;
-
-constexpr std::int32_t revolution = 131072;
-constexpr MotionProfile quick{10 * revolution, 100 * revolution, 100 * revolution};
-constexpr HomingRequest to_index{34, 2 * revolution, revolution, 100 * revolution, {}};
 
 struct Hang final : ethercat::SlaveInterposer {
   bool keeps_inputs(Time) override { return hangs; }

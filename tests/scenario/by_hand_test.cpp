@@ -152,6 +152,7 @@ TEST(RulesByHand, AReplacementLosesNoDelayedFrame) {
 TEST(RulesByHand, DuringATrialNoScenarioReplacesIt) {
   Bench bench;
   bench.routes.begin("title = \"trial\"\n", "s.toml", Routes::Extra::standard_expectations);
+  bench.routes.begin_trial();
   EXPECT_THAT(refusal([&] { bench.routes.begin(body("title = \"other\"\n")); }), HasSubstr("a trial runs"));
   EXPECT_THAT(refusal([&] { bench.routes.end(); }), HasSubstr("a trial runs"));
   EXPECT_EQ(bench.routes.show()["title"], "trial");

@@ -243,9 +243,9 @@ do = "error_state"
 state = "bus_off"
 )");
   stage.run(11ms - 62500ns);
-  EXPECT_EQ(stage.line.buses().front()->bus.error_state(stage.x().port()), links::ErrorState::bus_off);
+  EXPECT_EQ(stage.error_state(), links::ErrorState::bus_off);
   stage.run(100ms);
-  EXPECT_EQ(stage.line.buses().front()->bus.error_state(stage.x().port()), links::ErrorState::active);
+  EXPECT_EQ(stage.error_state(), links::ErrorState::active);
   EXPECT_EQ(stage.sdo(sdo_read(1, 0x1000, 0)).size(), 1U);
 }
 
@@ -254,7 +254,6 @@ TEST(CanRules, AnErrorStateLastsAsLongAsItsRule) {
   for (const auto& [word, state] : std::vector<std::pair<std::string, links::ErrorState>>{
            {"passive", links::ErrorState::passive}, {"bus_off", links::ErrorState::bus_off}}) {
     Stage stage("[[rule]]\nwhen = { time_ms = 10 }\nfor_ms = 500\ndo = \"error_state\"\nstate = \"" + word + "\"\n");
-    const auto present = [&stage] { return stage.line.buses().front()->bus.error_state(stage.x().port()); };
     stage.run(20ms);
     for (int n = 0; n < 5; ++n) {
       EXPECT_EQ(stage.sdo(sdo_read(1, 0x1000, 0)).size(), word == "passive" ? 1U : 0U);
@@ -262,9 +261,9 @@ TEST(CanRules, AnErrorStateLastsAsLongAsItsRule) {
     stage.x().power_off(stage.line.now());
     stage.x().power_on(stage.line.now());
     stage.run(100ms);
-    EXPECT_EQ(present(), state) << word;
+    EXPECT_EQ(stage.error_state(), state) << word;
     stage.run(500ms);
-    EXPECT_EQ(present(), links::ErrorState::active) << word;
+    EXPECT_EQ(stage.error_state(), links::ErrorState::active) << word;
   }
 }
 
@@ -281,13 +280,43 @@ for_ms = 200
 do = "error_state"
 state = "bus_off"
 )");
-  const auto present = [&stage] { return stage.line.buses().front()->bus.error_state(stage.x().port()); };
   stage.run(15ms);
-  EXPECT_EQ(present(), links::ErrorState::passive);
+  EXPECT_EQ(stage.error_state(), links::ErrorState::passive);
   stage.run(135ms);
-  EXPECT_EQ(present(), links::ErrorState::bus_off) << "the first rule has ended, the second has not";
+  EXPECT_EQ(stage.error_state(), links::ErrorState::bus_off) << "the first rule has ended, the second has not";
   stage.run(200ms);
-  EXPECT_EQ(present(), links::ErrorState::active);
+  EXPECT_EQ(stage.error_state(), links::ErrorState::active);
+}
+
+// A drive that has no acknowledge becomes error passive by itself, and error active by the frames after that.
+TEST(CanRules, AnErrorStateOfTheDriveItselfDoesNotStayAfterARule) {
+  Stage stage("[[rule]]\nwhen = { time_ms = 300 }\nfor_ms = 100\ndo = \"error_state\"\nstate = \"passive\"\n");
+  links::CanBus& bus = stage.line.buses().front()->bus;
+  stage.write(0x1017, 10, 2);
+  bus.cut_bus(true);
+  stage.run(200ms);
+  ASSERT_EQ(stage.error_state(), links::ErrorState::passive);
+  stage.run(250ms);
+  EXPECT_EQ(stage.director.rules().front().phase, RulePhase::over);
+  bus.cut_bus(false);
+  stage.run(100ms);
+  EXPECT_EQ(stage.error_state(), links::ErrorState::active);
+}
+
+// The controller has gone to bus-off by itself when the rule ends.
+TEST(CanRules, AForcedErrorStateEndsAlsoInAWorseOne) {
+  Stage stage("[[rule]]\nwhen = { time_ms = 100 }\nfor_ms = 200\ndo = \"error_state\"\nstate = \"passive\"\n");
+  links::CanBus& bus = stage.line.buses().front()->bus;
+  stage.write(0x1017, 10, 2);
+  stage.run(150ms);
+  bus.set_automatic_recovery(stage.x().port(), false);
+  bus.disturb({.corrupt = 1.0});
+  stage.run(100ms);
+  ASSERT_EQ(stage.error_state(), links::ErrorState::bus_off);
+  bus.clear_disturbance();
+  stage.run(100ms);
+  EXPECT_EQ(stage.director.rules().front().phase, RulePhase::over);
+  EXPECT_EQ(stage.error_state(), links::ErrorState::active);
 }
 
 // ---- The number of acts

@@ -66,6 +66,7 @@ class Stage {
     return frames;
   }
   line::Axis& x() { return *line.axes().front(); }
+  links::ErrorState error_state() { return line.buses().front()->bus.error_state(x().port()); }
   drive::PowerState state() { return x().device().drive().state(); }
   void enable(std::uint32_t mode = 3) {
     write(0x6060, mode, 1);

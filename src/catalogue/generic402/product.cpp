@@ -16,7 +16,7 @@ constexpr auto connection = std::to_array<ObjectRange>({{0x2F00}, {0x2F01}, {0x2
 constexpr Product of_bus(std::string_view name, std::string_view foe_file) {
   return {
       .name = name,
-      .dialect = {.foe_file = foe_file},
+      .dialect = {.brake_delay = ObjectAddress{0x2020, 2}, .foe_file = foe_file},
       .rules = {.connection = connection, .store = cia402::store},
       .tuning = tuning,
       .gain_guide = gain_guide,

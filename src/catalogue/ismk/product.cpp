@@ -33,6 +33,7 @@ constexpr Dialect dialect{.homing_signals = {.attained = 1U << 15, .error = 1U <
                           .units = AxisUnits{65536.0, 60.0 * 512.0 * 65536.0 / 1875.0, 65536.0 * 65536.0 / 4'000'000.0},
                           .cautious_homing_method = 33,
                           .software_limits = {.lowest = 2, .highest = 1},
+                          .brake_delay = ObjectAddress{0x6410, 0x12},
                           .cycle_objects = cycle_objects,
                           .alarm_words = alarm_words};
 

@@ -326,6 +326,7 @@ void CanBus::set_participation(PortId port, Participation participation) {
 
 Participation CanBus::participation(PortId port) const { return at(port).participation; }
 ErrorState CanBus::error_state(PortId port) const { return at(port).error_state; }
+ErrorState CanBus::forced_error_state(PortId port) const { return at(port).least_state; }
 const PortCounters& CanBus::counters(PortId port) const { return at(port).counters; }
 double CanBus::load_percent(Time now) const { return load_.percent(now); }
 

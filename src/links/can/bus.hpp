@@ -146,6 +146,8 @@ class CanBus {
   // Sets a port's error counters to those with which its controller enters `state`, as after a series of errors. The
   // controller stays in this state, or a worse one, until the next call.
   void force_error_state(PortId port, ErrorState state, Time now);
+  // The state of the last call of force_error_state(); `active`: none is forced.
+  ErrorState forced_error_state(PortId port) const;
 
   void disturb(const Disturbance& disturbance);  // replaces the previous one
   void clear_disturbance();                      // also ends the delay of frames that wait

@@ -106,7 +106,7 @@ void waits(Trial& trial, int row) {
   const double allowed = trial.units().position * trial.settings().revolutions;
   for (const Time end = trial.now() + 500ms; trial.now() < end && furthest <= allowed;) {
     trial.wait(trial.settings().poll_interval);
-    furthest = std::max(furthest, std::abs(static_cast<double>(trial.position()) - start));
+    furthest = std::max(furthest, std::abs(trial.way(start, trial.position())));
   }
   trial.expect(furthest <= window(trial), "enabled, and 500 ms without a new target",
                fmt::format("6064h = {}, within {:.0f}", start, window(trial)), fmt::format("{:.0f} away", furthest));

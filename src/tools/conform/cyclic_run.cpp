@@ -222,6 +222,7 @@ bool CyclicRun::run(Time span, const std::function<bool()>& each) {
 
 void CyclicRun::enable() {
   control_.reset();
+  trial_.require_no_wrap(position());
   trial_.begin_way(position());
   const bool enabled = run(trial_.settings().patience, [this] {
     const bool there = axis_->enable();

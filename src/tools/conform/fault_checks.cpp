@@ -46,8 +46,7 @@ void commands_in_fault(Trial& trial, int) {
 void reset_by_edge(Trial& trial, int) {
   const auto before = trial.objects().read_if_present<std::uint8_t>(0x1001);
   need_fault(trial);
-  trial.wait_for_rest();  // until then the cause of the fault may persist
-  trial.wait(200ms);
+  trial.end_cause_of_fault();
   trial.control(0x0000);
   trial.wait(20ms);
   trial.control(command_word::fault_reset);
@@ -65,7 +64,9 @@ void standing_reset_bit(Trial& trial, int) {
   if (!trial.objects().read_if_present<std::uint32_t>(0x6065)) Trial::skip("it has no 6065h to cause a fault with");
   trial.enable(OperationMode::profile_position);
   trial.gentle_profile(2.0);
-  const std::int32_t target = trial.position() + trial.distance();
+  const std::int32_t start = trial.position();
+  trial.require_no_wrap(start);
+  const std::int32_t target = start + trial.distance();
   trial.objects().write<std::uint32_t>(0x6065, 0, 1);
   trial.write_if_present<std::uint16_t>(0x6066, 0, 0);
   trial.objects().write<std::int32_t>(0x607A, 0, target);
@@ -101,9 +102,8 @@ void emergency(Trial& trial, int) {
       trial.expect((*newest & 0xFFFF) == first.code, "read 1003h sub 1",
                    fmt::format("{:04X}h, the newest error", first.code), fmt::format("{:08X}h", *newest));
     }
+    trial.end_cause_of_fault();
     came.clear();
-    trial.wait_for_rest();
-    trial.wait(200ms);
     trial.control(0x0000);
     trial.wait(20ms);
     trial.control(command_word::fault_reset);

@@ -14,6 +14,7 @@ using namespace std::chrono_literals;
 void prepare(Trial& trial, double speed_factor = 1.0) {
   trial.units();
   trial.enable(OperationMode::profile_position);
+  trial.require_no_wrap(trial.position());
   trial.gentle_profile(speed_factor);
   trial.control(command_word::enable_operation);
 }

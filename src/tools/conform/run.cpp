@@ -113,16 +113,19 @@ Report run_checks(Subject& subject, const RunOptions& options) {
                    .reason = check.demand == Demand::motion ? "--safe: it would move the axis"
                                                             : "--safe: it would enable the axis"};
       } else {
+        const auto settle = [&] {
+          for (const std::string& problem : subject.settle())
+            report.problems.push_back(fmt::format("{}: {}", check.id, problem));
+        };
         outcome = run_check(check, subject, options);
         // Repeats the check once if OP was lost: a computer that sends too late can cause that, while a faulty slave
         // leaves OP again.
-        std::string problem;
-        if (outcome.verdict == Verdict::fail && subject.lost_operation()) {
-          problem = subject.settle();
-          if (!subject.is_lost() && subject.is_off()) outcome = run_check(check, subject, options);
+        const bool is_repeated = outcome.verdict == Verdict::fail && subject.has_lost_operation();
+        settle();
+        if (is_repeated && !subject.is_lost() && subject.is_off()) {
+          outcome = run_check(check, subject, options);
+          settle();
         }
-        problem += subject.settle();
-        if (!problem.empty()) report.problems.push_back(std::string(check.id) + ": " + problem);
         report.lost = subject.is_lost();
         report.at_rest = subject.is_off();
         apply_departures(outcome, options);
@@ -141,8 +144,7 @@ Report run_checks(Subject& subject, const RunOptions& options) {
     }
     throw;
   }
-  const std::string problem = subject.restore();
-  if (!problem.empty()) report.problems.push_back(problem);
+  for (const std::string& problem : subject.restore()) report.problems.push_back(problem);
   report.lost = report.lost || subject.is_lost();
   report.at_rest = subject.is_off();
   return report;

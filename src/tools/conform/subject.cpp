@@ -97,7 +97,10 @@ std::string Subject::where() const { return kept_.where(); }
 ObjectClient& Subject::services() { return can_ ? can_->sdo : *by_service_; }
 
 KeptObjects& Subject::objects() {
-  if (lost_operation()) leave_operation();
+  if (lost_operation()) {
+    has_lost_operation_ = true;
+    leave_operation();
+  }
   if (ethercat_ && !operation_) {
     EthercatSlave* const slaves[] = {&ethercat_->slave};
     operation_.emplace(ethercat_->master, ethercat_->line, slaves, ethercat_->options);
@@ -181,10 +184,25 @@ void Subject::be_watched() {
 
 void Subject::end_watch() {
   if (watch_) watch_->end();
-  if (reaction_ && !reaction_->end()) {
-    note(fmt::format("{}: 6007h = 1 stays until the drive's next reset, because its motor is on or it does not answer",
-                     where()));
-  }
+  if (reaction_) reaction_->end();  // restore() tries again, and reports a failure
+}
+
+Time Subject::patience_of_power() {
+  const auto& delay = settings_.product->dialect.brake_delay;
+  const std::uint16_t ms = delay ? kept_.read_if_present<std::uint16_t>(delay->index, delay->sub).value_or(0) : 0;
+  return settings_.patience + std::chrono::milliseconds(ms);
+}
+
+PositionRange Subject::position_range() {
+  if (!settings_.product->dialect.has_position_range) return {};
+  const auto lowest = kept_.read_if_present<std::int32_t>(0x607B, 1);
+  const auto highest = kept_.read_if_present<std::int32_t>(0x607B, 2);
+  return lowest && highest && *lowest < *highest ? PositionRange{*lowest, *highest} : PositionRange{};
+}
+
+std::optional<std::int32_t> Subject::position() {
+  const auto shown = kept_.read_if_present<std::int32_t>(0x6064);
+  return shown ? shown : kept_.read_if_present<std::int32_t>(0x6063);
 }
 
 // True if the shaft stands for 60 ms before `span` has elapsed, or the drive shows no position. The position decides,
@@ -192,19 +210,16 @@ void Subject::end_watch() {
 bool Subject::stands_within(Time span) {
   constexpr Time standing = 60ms;
   constexpr double revolutions = 0.001;  // tolerance: the noise of the encoder and the control loop move the shaft
-  const auto position = [this] {
-    const auto shown = kept_.read_if_present<std::int32_t>(0x6064);
-    return shown ? shown : kept_.read_if_present<std::int32_t>(0x6063);
-  };
   const double turn = units_ ? std::abs(units_->position) : kept_.read_if_present<std::uint32_t>(0x608F, 1).value_or(0);
   const double tolerance = std::max(units_ ? 2.0 : 8.0, turn * revolutions);
   auto place = position();
   if (!place) return true;
+  const PositionRange range = position_range();
   const Time deadline = kept_.now() + span;
   for (Time since = kept_.now(); kept_.now() - since < standing;) {
     kept_.wait(settings_.poll_interval);
     const std::int32_t present = position().value_or(*place);
-    if (std::abs(static_cast<double>(present) - *place) <= tolerance) continue;
+    if (std::abs(range.way(*place, present)) <= tolerance) continue;
     if (kept_.now() >= deadline) return false;
     place = present;
     since = kept_.now();
@@ -233,10 +248,6 @@ void Subject::to_rest() {
 void Subject::switch_off() {
   ObjectClient& objects = kept_;
   const auto state = [&] { return state_of(objects.read<std::uint16_t>(statusword)); };
-  const auto wait_until = [&](const auto& done) {
-    const Time deadline = objects.now() + settings_.patience;
-    while (!done() && objects.now() < deadline) objects.wait(settings_.poll_interval);
-  };
   if (operates(state())) {
     Axis402 axis(objects, {.product = settings_.product});
     if (!axis.try_to_stop().empty() || !stands_within(settings_.patience)) {
@@ -244,6 +255,11 @@ void Subject::switch_off() {
       stands_within(settings_.patience);
     }
   }
+  const Time patience = patience_of_power();
+  const auto wait_until = [&](const auto& done) {
+    const Time deadline = objects.now() + patience;
+    while (!done() && objects.now() < deadline) objects.wait(settings_.poll_interval);
+  };
   wait_until([&] { return state() != PowerState::fault_reaction_active; });
   if (state() == PowerState::fault) {
     // The cause of the fault may persist until the axis stands still, so the reset is repeated.
@@ -294,13 +310,27 @@ bool Subject::answers() {
   return answers_once();
 }
 
-std::string Subject::settle() {
+// A changed position value is a problem of the drive's user, who would have to home the axis again.
+void Subject::compare_position() {
+  if (!expected_position_) return;
+  const auto shown = position();
+  const double change = shown ? position_range().way(expected_position_->value, *shown) : 0.0;
+  if (std::abs(change) > expected_position_->tolerance) {
+    note(fmt::format(
+        "{}: homing changed the position value by {:.0f}, and it could not be restored; home the axis again", where(),
+        change));
+  }
+  expected_position_.reset();
+}
+
+std::vector<std::string> Subject::settle() {
   constexpr int most_attempts = 3;  // a lost frame must not end the attempt to stop the axis
-  is_lost_ = is_off_ = false;
+  is_lost_ = is_off_ = has_lost_operation_ = false;
   std::string failure;
   for (int attempt = 0; attempt < most_attempts && !is_off_ && !is_lost_; ++attempt) {
     try {
       to_rest();
+      compare_position();
       is_off_ = true;
     } catch (const MasterError& error) {
       failure = error.what();
@@ -325,12 +355,20 @@ std::string Subject::settle() {
   return std::exchange(problems_, {});
 }
 
-std::string Subject::restore() {
+std::vector<std::string> Subject::restore() {
   kept_.ignore_cancellation();
   // The link may be back: then the axis is brought to rest now.
   if (!is_lost_ || answers()) problems_ = settle();
+  if (expected_position_) {
+    note(fmt::format("{}: homing may have changed the position value, which was {}; home the axis again", where(),
+                     expected_position_->value));
+  }
   if (ethercat_) {
     leave_operation();
+    if (reaction_ && !reaction_->end()) {
+      note(fmt::format(
+          "{}: 6007h = 1 stays until the drive's next reset, because its motor is on or it does not answer", where()));
+    }
     try {
       if (al_state_ == AlState::init && is_off_) ethercat_->slave.to_init();
     } catch (const MasterError& error) {

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cmath>
 #include <functional>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -46,6 +48,17 @@ struct SubjectSettings {
   Time patience = std::chrono::seconds(3);       // timeout of a transition, a mode change or a handshake
   Time poll_interval = std::chrono::milliseconds(2);
   std::function<bool()> cancelled{};  // called at each wait; true ends all checks by throwing Cancelled
+};
+
+// The position values before they wrap around: 607Bh, or 32 bits.
+struct PositionRange {
+  std::int64_t lowest = std::numeric_limits<std::int32_t>::min();
+  std::int64_t highest = std::numeric_limits<std::int32_t>::max();
+
+  // The shorter way from one position to another.
+  double way(std::int64_t from, std::int64_t to) const {
+    return std::remainder(static_cast<double>(to - from), static_cast<double>(highest - lowest + 1));
+  }
 };
 
 // Thrown through a check when the user cancels.
@@ -108,6 +121,8 @@ class Subject {
   void leave_operation();
   // True if the slave was in OP and has left it: by itself, or because this computer sent too late.
   bool lost_operation() const;
+  // The same at any time since the last settle().
+  bool has_lost_operation() const { return has_lost_operation_ || lost_operation(); }
 
   CanAccess& can() { return *can_; }
   Master& master() { return *master_; }  // NMT master of the CAN bus
@@ -130,25 +145,35 @@ class Subject {
   // For a check that uses 1016h itself.
   void end_watch();
   // Adds a problem to those that settle() returns.
-  void note(const std::string& sentence) { problems_ += sentence + "\n"; }
+  void note(std::string sentence) { problems_.push_back(std::move(sentence)); }
+
+  // Timeout of a transition: the patience, and the time in which the drive closes its brake before it switches off.
+  Time patience_of_power();
+  PositionRange position_range();
+
+  // A check homes the axis, after which it must show this position value. The next settle() in which the axis stands
+  // compares the two.
+  void expect_position(std::int64_t value, double tolerance) { expected_position_ = {value, tolerance}; }
 
   // After a check: brings the axis to rest, resets a fault, switches power off, restores the objects and ends the
   // watch. Objects are restored only if is_off(), because a value from before, for example a target, could move the
-  // axis. Returns the problems, one per line.
-  std::string settle();
+  // axis. Returns the problems.
+  std::vector<std::string> settle();
   // True if the last settle() has seen that the motor is off and the shaft at rest.
   bool is_off() const { return is_off_; }
   // True if the drive did not answer in the last settle().
   bool is_lost() const { return is_lost_; }
   // After all checks: settle(), and, if is_off(), restores the bus state and the objects that a reset of the node has
-  // lost. Returns the problems, one per line.
-  std::string restore();
+  // lost. Returns the problems.
+  std::vector<std::string> restore();
 
  private:
   void remember();
   void to_rest();
   void switch_off();
   bool stands_within(Time span);
+  std::optional<std::int32_t> position();
+  void compare_position();
   // nullopt: the drive has no statusword.
   std::optional<PowerState> power_state();
   bool answers();
@@ -158,9 +183,10 @@ class Subject {
   SubjectSettings settings_;
   std::optional<CanAccess> can_;
   std::optional<Master> master_;
-  std::string problems_;  // since the last settle(), one per line
+  std::vector<std::string> problems_;  // since the last settle()
   bool is_lost_ = false;
   bool is_off_ = false;
+  bool has_lost_operation_ = false;
   std::optional<MasterWatch> watch_;
   std::optional<EthercatAccess> ethercat_;
   std::optional<ModbusAccess> modbus_;
@@ -174,6 +200,11 @@ class Subject {
   std::optional<NmtState> nmt_state_;
   std::optional<AlState> al_state_;
   std::optional<AxisUnits> units_;
+  struct ExpectedPosition {
+    std::int64_t value;
+    double tolerance;
+  };
+  std::optional<ExpectedPosition> expected_position_;
 };
 
 }  // namespace servodrome::master::conform

@@ -65,6 +65,7 @@ void prepare(Trial& trial) {
   need_probe(trial, 0);
   trial.units();
   trial.enable(OperationMode::profile_position);
+  trial.require_no_wrap(trial.position());
   trial.gentle_profile(0.5);
   trial.control(command_word::enable_operation);
 }

@@ -131,7 +131,7 @@ bool Trial::wait_for(std::uint16_t mask, std::uint16_t value, std::optional<Time
 }
 
 bool Trial::wait_for(PowerState wanted, std::optional<Time> patience) {
-  const Time deadline = now() + patience.value_or(settings().patience);
+  const Time deadline = now() + (patience ? *patience : subject_.patience_of_power());
   while (state() != wanted) {
     if (now() >= deadline) return false;
     wait(settings().poll_interval);
@@ -226,6 +226,18 @@ AxisUnits Trial::units() {
   return *units;
 }
 
+const PositionRange& Trial::range() {
+  if (!range_) range_ = subject_.position_range();
+  return *range_;
+}
+
+void Trial::require_no_wrap(std::int32_t position) {
+  const std::int64_t most = distance();
+  if (position - most >= range().lowest && position + most <= range().highest) return;
+  skip(fmt::format("the position wraps around at {} or {} (607Bh), within the permitted way from {}", range().lowest,
+                   range().highest, position));
+}
+
 Time Trial::patience_of_way() const {
   return settings().patience +
          std::chrono::duration_cast<Time>(std::chrono::duration<double>(8.0 * settings().revolutions));
@@ -234,14 +246,18 @@ Time Trial::patience_of_way() const {
 void Trial::begin_way(std::int32_t position) {
   constexpr double tolerance = 0.02;  // revolutions
   const auto units = subject_.units();
-  if (units) way_ = {position, units->position * (settings().revolutions + tolerance)};
+  if (!units) return;
+  way_ = Way{.begin = position, .distance = units->position * (settings().revolutions + tolerance), .last = position};
 }
 
 void Trial::require_on_way(std::int32_t position) {
-  if (!way_ || std::abs(static_cast<double>(position) - way_->middle) <= way_->distance) return;
+  if (!way_) return;
+  way_->travelled += way(way_->last, position);
+  way_->last = position;
+  if (std::abs(way_->travelled) <= way_->distance) return;
   const Way left = *std::exchange(way_, std::nullopt);
-  require(false, "the commands of this check", fmt::format("6064h within {:.0f} of {}", left.distance, left.middle),
-          fmt::format("6064h = {}", position));
+  require(false, "the commands of this check", fmt::format("6064h within {:.0f} of {}", left.distance, left.begin),
+          fmt::format("6064h = {}, {:.0f} away", position, left.travelled));
 }
 
 std::int32_t Trial::position() {
@@ -270,7 +286,7 @@ bool Trial::wait_for_rest() {
     wait(20ms);
     const std::int32_t present = position();
     const double tolerance = units().position / 20000.0 + 1.0;
-    still = std::abs(static_cast<double>(present) - last) <= tolerance ? still + 1 : 0;
+    still = std::abs(way(last, present)) <= tolerance ? still + 1 : 0;
     last = present;
   }
   return true;
@@ -280,7 +296,9 @@ bool Trial::cause_following_error() {
   if (!objects().read_if_present<std::uint32_t>(0x6065)) return false;
   enable(OperationMode::profile_position);
   gentle_profile(2.0);
-  const std::int32_t target = position() + distance();
+  const std::int32_t start = position();
+  const std::int32_t target =
+      std::int64_t{start} + distance() <= range().highest ? start + distance() : start - distance();
   if (refusal_of([&] { objects().write<std::uint32_t>(0x6065, 0, 1); })) return false;
   if (objects().read_if_present<std::uint16_t>(0x6066)) {
     if (refusal_of([&] { objects().write<std::uint16_t>(0x6066, 0, 0); })) return false;
@@ -299,8 +317,20 @@ bool Trial::lose_heartbeat() {
     if (refusal_of([&] { objects().write<std::int16_t>(0x6007, 0, 1); })) return false;
   }
   if (refusal_of([&] { objects().write<std::uint32_t>(0x1016, 1, heartbeat_producer << 16 | 100); })) return false;
-  subject_.can().bus.send(0x700 + heartbeat_producer, {0x05});
+  send_heartbeat();
+  has_lost_heartbeat_ = true;
   return wait_for(PowerState::fault, 1s);
+}
+
+void Trial::send_heartbeat() { subject_.can().bus.send(0x700 + heartbeat_producer, {0x05}); }
+
+void Trial::end_cause_of_fault() {
+  wait_for_rest();  // until then a following error may persist
+  wait(200ms);
+  if (!std::exchange(has_lost_heartbeat_, false)) return;
+  send_heartbeat();
+  wait(20ms);
+  objects().write<std::uint32_t>(0x1016, 1, 0);
 }
 
 bool Trial::cause_fault() { return cause_following_error() || lose_heartbeat(); }

@@ -68,7 +68,8 @@ class Trial {
   // Before a word that enables the axis, leaves a torque mode that the check has not chosen, and takes back the targets
   // that would move the axis at once. Throws MasterError if the drive keeps one of them.
   void control(std::uint16_t word);
-  // Polls until the statusword's `mask` bits equal `value`; false after `patience` (default: settings().patience).
+  // Polls until the statusword's `mask` bits equal `value`; false after `patience` (default: settings().patience). For
+  // a state the default is Subject::patience_of_power().
   bool wait_for(std::uint16_t mask, std::uint16_t value, std::optional<Time> patience = {});
   bool wait_for(PowerState state, std::optional<Time> patience = {});
   // True if the drive is in `state` at every poll for the whole `span`.
@@ -93,12 +94,17 @@ class Trial {
   // The permitted way begins at this position, and goes as far as distance() and a small tolerance in both directions.
   // control() calls it when it enables the axis, except in homing mode, which changes the position value.
   void begin_way(std::int32_t position);
-  // Ends the check if the position is beyond the permitted way; settle() then stops the axis.
+  // Call it often, so that it sees each turn of a position that wraps around. Ends the check if the axis is beyond the
+  // permitted way; settle() then stops the axis.
   void require_on_way(std::int32_t position);
   // `revolutions_per_second`, or less if --revolutions is small: the permitted way then takes a second.
   double slow_enough(double revolutions_per_second) const {
     return std::min(revolutions_per_second, settings().revolutions);
   }
+  // The shorter way from one position to another. The first call reads 607Bh.
+  double way(std::int64_t from, std::int64_t to) { return range().way(from, to); }
+  // Skips a check that compares positions or gives absolute targets if the position wraps around on the permitted way.
+  void require_no_wrap(std::int32_t position);
   std::int32_t position();  // 6064h, or 6063h if the drive does not have 6064h on this bus
   std::int32_t velocity() { return objects().read<std::int32_t>(0x606C); }
   // Writes 6081h: `speed_factor` revolutions per second, at most 607Fh and four times the permitted way per second.
@@ -109,6 +115,8 @@ class Trial {
   // Causes a fault from the master: a following error, or on CAN the loss of a heartbeat. False: it could not be
   // caused.
   bool cause_fault();
+  // Removes the cause of cause_fault(): waits until the axis is at rest, or sends the heartbeat again.
+  void end_cause_of_fault();
   template <typename T>
   void write_if_present(std::uint16_t index, std::uint8_t sub, std::type_identity_t<T> value) {
     if (objects().template read_if_present<T>(index, sub)) objects().template write<T>(index, sub, value);
@@ -118,19 +126,25 @@ class Trial {
  private:
   static Refusal refusal_in(const ObjectError& error);
   void step(PowerState from, std::uint16_t word, PowerState to);
+  const PositionRange& range();
   bool cause_following_error();
   bool lose_heartbeat();
+  void send_heartbeat();
 
   struct Way {
-    std::int32_t middle;
+    std::int32_t begin;
     double distance;
+    std::int32_t last{};
+    double travelled = 0.0;
   };
 
   Subject& subject_;
   Outcome& outcome_;
   bool has_chosen_mode_ = false;
   bool is_homing_ = false;
+  bool has_lost_heartbeat_ = false;
   std::optional<Way> way_{};
+  std::optional<PositionRange> range_{};
 };
 
 // For example "6040h = 000Fh (enable operation)".

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "catalogue/product.hpp"
+#include "ethercat/slave/slave.hpp"
 #include "links/ethercat/memory_client.hpp"
 #include "tools/conform/conform_rig.hpp"
 
@@ -180,6 +181,39 @@ Change foe_mail(std::uint8_t operation, std::function<void(std::span<std::uint8_
 // Replaces an error by an acknowledgement.
 Change foe_error_hidden() {
   return foe_mail(5, [](std::span<std::uint8_t> mail) { mail[0] = 4; });
+}
+
+// In the first try of the check the slave leaves OP, and its end cannot restore 6007h. The second try can.
+TEST(ConformEthercat, ARepeatedCheckReportsOnlyWhatItLeaves) {
+  for (const bool is_for_ever : {false, true}) {
+    EthercatRig rig("ismk-ea");
+    dictionary::Dictionary& objects = rig.line.axes()[0]->device().dictionary();
+    int lost = 0;
+    int refused = 0;
+    rig.to_drive = [&](std::span<std::uint8_t> content) {
+      if (lost == 0 && (objects.number(0x6041, 0) & 0x6F) == 0x27) {
+        ++lost;
+        rig.line.axes()[0]->device().ethercat_slave()->fall_back(ethercat::AlState::safe_operational,
+                                                                 ethercat::AlStatusCode{0x001B}, rig.line.now());
+      }
+      each_datagram(content, [&](const Seen& seen) {
+        if (seen.command != fpwr || seen.offset < 0x1000 || seen.data.size() < 16) return;
+        const bool restores = (seen.data[8] & 0xE0) == 0x20 && ethercat::load_u16(&seen.data[9]) == 0x6007 &&
+                              ethercat::load_u16(&seen.data[12]) == 0;
+        if (!restores || (refused != 0 && !is_for_ever)) return;
+        ++refused;
+        ethercat::store_u16(&seen.data[9], 0x5FFF);
+      });
+    };
+    const Report report = rig.run({.only = {"pv.halt"}});
+    EXPECT_EQ(lost, 1);
+    EXPECT_GT(refused, 0);
+    EXPECT_EQ(report.count(Verdict::pass), 1U) << text_of(report, {Verdict::fail, Verdict::skipped});
+    EXPECT_EQ(objects.number(0x6007, 0), is_for_ever ? 1 : 0);
+    const auto stays = testing::HasSubstr("6007h = 1 stays");
+    EXPECT_THAT(report.problems, is_for_ever ? testing::Matcher<std::vector<std::string>>(testing::ElementsAre(stays))
+                                             : testing::IsEmpty());
+  }
 }
 
 struct Defect {

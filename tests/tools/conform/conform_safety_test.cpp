@@ -85,8 +85,7 @@ TEST(ConformSafety, AnAxisThatCannotBeSwitchedOffEndsTheRunAndKeepsItsObjects) {
   EXPECT_EQ(text_of(report.outcomes[1]),
             text_of({report.outcomes[1].check, Verdict::skipped, "the axis could not be brought to rest"}));
   EXPECT_FALSE(report.at_rest);
-  ASSERT_FALSE(report.problems.empty());
-  EXPECT_THAT(report.problems[0], testing::HasSubstr("the axis may move"));
+  EXPECT_THAT(report.problems, testing::Contains(testing::HasSubstr("the axis may move")));
   EXPECT_EQ(state_bits(rig), bits_enabled);
   EXPECT_EQ(rig.sdo.read<std::int32_t>(0x60FF), 0);
 }
@@ -205,6 +204,120 @@ TEST(ConformSafety, ALostAnswerInHomingDoesNotLoseThePositionValue) {
   EXPECT_NEAR(rig.sdo.read<std::int32_t>(0x6064) - shaft_of(rig), value, revolution_counts / 25.0);
 }
 
+// Method 35 in place of the search sets the position value to 0.
+TEST(ConformSafety, ASearchThatEndsEarlyReportsAChangedPositionValue) {
+  for (const bool is_interrupted : {false, true}) {
+    CanRig rig("generic402", "", 1'000'000);
+    bool is_homed = false;
+    int lost = 0;
+    rig.to_drive = [&](Frame& frame) {
+      if (is_write(frame, 0x6098)) frame.data[4] = 35;
+      is_homed = is_homed || (is_write(frame, 0x6040) && word_in(frame) == 0x001F);
+      if (is_interrupted || !is_homed || lost == 4 || frame.id != 0x605 || is_write(frame, 0x6040)) return true;
+      ++lost;
+      return false;
+    };
+    rig.cancelled = [&] { return is_interrupted && is_homed; };
+    const Report report = rig.run({.only = {"homing.not-attained-while-searching"}});
+    EXPECT_EQ(report.cancelled, is_interrupted);
+    ASSERT_EQ(report.problems.size(), 1U);
+    EXPECT_THAT(report.problems[0], testing::HasSubstr("changed the position value by -"));
+  }
+}
+
+// The axis is switched off in place of being homed.
+TEST(ConformSafety, AnAxisThatIsOffIsNotHomedAgain) {
+  CanRig rig("generic402", "", 1'000'000);
+  int starts = 0;
+  rig.to_drive = [&](Frame& frame) {
+    if (!is_write(frame, 0x6040) || word_in(frame) != 0x001F) return true;
+    ++starts;
+    put_word(frame, 0x0000);
+    return true;
+  };
+  const Report report = rig.run({.only = {"homing.attained"}});
+  EXPECT_EQ(starts, 1);
+  EXPECT_EQ(text_of(report, {}), "");
+  EXPECT_LT(report.outcomes[0].duration, 4s) << "the check itself waits 3 s for the end of homing";
+}
+
+// ---- Positions that wrap around (607Bh), within one revolution
+
+struct WrappingRig : CanRig {
+  explicit WrappingRig(int start_counts) : CanRig("generic402", "", start_counts) {
+    sdo.write<std::int32_t>(0x607B, 1, 0);
+    sdo.write<std::int32_t>(0x607B, 2, 131071);
+  }
+};
+
+TEST(ConformSafety, APositionThatWrapsAroundIsOnThePermittedWay) {
+  WrappingRig rig(130'000);
+  const Report report = rig.run({.only = {"power", "pv", "pp", "csp", "csv", "cst", "homing", "fault", "probe"}});
+  EXPECT_EQ(text_of(report, {Verdict::fail}), "");
+  EXPECT_THAT(text_of(report, {Verdict::pass}), testing::HasSubstr("pv.target-reached"));
+  EXPECT_THAT(text_of(report, {Verdict::skipped}), testing::HasSubstr("wraps around"));
+}
+
+// The drive takes the sign from negative velocities. Half a revolution either way is the whole range.
+TEST(ConformSafety, AWrongMotionEndsAtThePermittedWayAlsoIfThePositionWrapsAround) {
+  WrappingRig rig(130'000);
+  rig.to_drive = [](Frame& frame) {
+    const auto velocity = static_cast<std::int32_t>(number_in(frame));
+    if (is_write(frame, 0x60FF) && velocity < 0) std::memcpy(&frame.data[4], std::array{-velocity}.data(), 4);
+    return true;
+  };
+  const double start = shaft_of(rig);
+  double furthest = 0.0;
+  rig.from_drive = [&](Frame&) {
+    furthest = std::max(furthest, std::abs(shaft_of(rig) - start));
+    return true;
+  };
+  const Report report = rig.run({.only = {"pv.target-reached"}});
+  EXPECT_THAT(failed(report), testing::ElementsAre("pv.target-reached"));
+  EXPECT_LT(furthest, revolution_counts * 0.65);
+}
+
+TEST(ConformSafety, AnAxisAtTheEndOfTheRangeIsAtRest) {
+  WrappingRig rig(0);
+  bool is_high = false;
+  rig.from_drive = [&](Frame& frame) {
+    if (!is_answer(frame, 0x6064)) return true;
+    is_high = !is_high;
+    std::memcpy(&frame.data[4], std::array{is_high ? 131071 : 0}.data(), 4);
+    return true;
+  };
+  const Report report = rig.run({.only = {"power.voltage-enabled"}});
+  EXPECT_EQ(text_of(report, {Verdict::fail}), "");
+  EXPECT_TRUE(report.at_rest);
+}
+
+// The drive stays in operation enabled until its brake has closed.
+TEST(ConformSafety, AnAxisIsOffOnlyWhenItsBrakeHasClosed) {
+  CanRig rig("ismk");
+  rig.sdo.write<std::uint16_t>(0x6410, 0x12, 12'000);
+  rig.sdo.write<std::uint8_t>(0x6410, 0x17, 1);
+  const Report report = rig.run({.only = {"power.transition-4", "power.transition-9"}});
+  EXPECT_EQ(text_of(report, {Verdict::fail, Verdict::skipped}), "");
+  EXPECT_TRUE(report.at_rest);
+  EXPECT_EQ(state_bits(rig) & ~0x20U, bits_disabled);
+}
+
+// The loss of a heartbeat causes the faults then.
+TEST(ConformSafety, ADriveWithoutFollowingErrorPassesTheChecksOfFaults) {
+  CanRig rig("generic402");
+  rig.from_drive = [](Frame& frame) {
+    if (is_answer(frame, 0x6065)) {
+      frame.data[0] = 0x80;
+      constexpr std::array absent{std::uint32_t{0x06020000}};
+      std::memcpy(&frame.data[4], absent.data(), 4);
+    }
+    return true;
+  };
+  const Report report = rig.run({.only = {"fault"}});
+  EXPECT_EQ(text_of(report, {Verdict::fail}), "");
+  EXPECT_EQ(report.count(Verdict::skipped), 1U) << text_of(report, {Verdict::skipped});
+}
+
 // An object that could not be read must not be written, because it could not be restored.
 TEST(ConformSafety, AnObjectIsWrittenOnlyIfItsValueIsKnown) {
   CanRig rig("generic402");
@@ -223,6 +336,32 @@ TEST(ConformSafety, AnObjectIsWrittenOnlyIfItsValueIsKnown) {
   EXPECT_EQ(writes, 0U);
   rig.to_drive = {};
   EXPECT_EQ(rig.sdo.read<std::uint32_t>(0x6085), 4711U);
+}
+
+// The supply fails for half a second before the controlword with this number.
+TEST(ConformSafety, AfterAGapOfThePowerTheDriveIsAsBefore) {
+  for (int moment = 1; moment < 80; moment += 9) {
+    CanRig rig("generic402");
+    line::Axis& axis = *rig.line.axes()[0];
+    rig.sdo.write<std::uint32_t>(0x6085, 0, 4711);
+    const auto before = writable_objects(rig);
+    int words = 0;
+    Time off{};
+    rig.to_drive = [&](Frame& frame) {
+      if (is_write(frame, 0x6040) && ++words == moment) {
+        axis.power_off(rig.line.now());
+        off = rig.line.now();
+      }
+      if (!axis.powered() && rig.line.now() > off + 500ms) axis.power_on(rig.line.now());
+      return true;
+    };
+    const Report report = rig.run({.only = {"pv.halt", "pp.relative", "homing.attained", "fault.reset", "power"}});
+    EXPECT_NE(off, Time{}) << moment;
+    EXPECT_FALSE(report.lost) << moment;
+    EXPECT_TRUE(report.at_rest) << moment;
+    for (const auto& [object, number] : writable_objects(rig))
+      EXPECT_EQ(number, before.at(object)) << fmt::format("{:04X}h:{:02X}, {}", object.first, object.second, moment);
+  }
 }
 
 TEST(ConformSafety, ACancelledCheckLeavesTheDriveAsBefore) { cancel_each_check<CanRig>("generic402", buses::can); }
