@@ -1,6 +1,6 @@
 """A line that runs for days of line time: no drift, no growth of memory, the same figures of motion at the end.
 
-Every axis repeats a cycle: it is enabled, moves forward and back, turns forward for two seconds at constant velocity,
+Every axis repeats a cycle: it is enabled, moves forward and back, turns forward for 2.5 seconds, the ramp included,
 stops, is disabled, and rests until the cycle is over. So over time it moves without limit in one direction, and its
 32-bit position overflows every few hours. Once a day the power of each axis is switched off and on.
 
