@@ -116,6 +116,12 @@ void Axis402::pause() {
 
 void Axis402::write_number(ObjectAddress object, std::int64_t value) {
   const std::size_t bytes = std::min(objects_.upload(object).size(), sizeof value);
+  // Whether the object has a sign is not known.
+  const std::int64_t half = bytes < sizeof value ? std::int64_t{1} << (8 * bytes) >> 1 : 0;
+  if (half != 0 && (value < -half || value >= 2 * half)) {
+    throw ObjectError(fmt::format("{} does not fit into the {} bytes of the object", value, bytes),
+                      fmt::format("{}, {}", objects_.where(), text_of(object)), "give a value that fits", false);
+  }
   objects_.download(object, std::as_bytes(std::span(&value, 1)).first(bytes));
 }
 
