@@ -7,6 +7,8 @@
 #include <boost/beast/http.hpp>
 #include <cstdlib>
 #include <fmt/format.h>
+#include <future>
+#include <thread>
 
 #include "app/commands.hpp"
 
@@ -22,10 +24,23 @@ constexpr auto patience = std::chrono::seconds(10);
 using Message = http::request<http::string_body>;
 using Answer = http::response<http::string_body>;
 
+// The addresses of `host`. A look-up cannot be interrupted, so a thread of its own does it, which outlives this call if
+// no answer comes in time. Throws boost::system::system_error.
+asio::ip::tcp::resolver::results_type resolve(const std::string& host, const std::string& port) {
+  using Results = asio::ip::tcp::resolver::results_type;
+  std::packaged_task<Results()> task([host, port] {
+    asio::io_context io;
+    return asio::ip::tcp::resolver(io).resolve(host, port);
+  });
+  std::future<Results> found = task.get_future();
+  std::thread(std::move(task)).detach();
+  if (found.wait_for(patience) == std::future_status::ready) return found.get();
+  throw boost::system::system_error(asio::error::timed_out);
+}
+
 // Sends the message to `host` and returns the answer. Throws boost::system::system_error.
 Answer exchange(const std::string& host, const std::string& port, const Message& message) {
   asio::io_context io;
-  asio::ip::tcp::resolver resolver(io);
   beast::tcp_stream stream(io);
   beast::flat_buffer buffer;
   http::response_parser<http::string_body> parser;
@@ -41,8 +56,9 @@ Answer exchange(const std::string& host, const std::string& port, const Message&
     failed = error;
     if (!error) http::async_write(stream, message, read);
   };
+  const auto addresses = resolve(host, port);
   stream.expires_after(patience);  // for all steps together
-  stream.async_connect(resolver.resolve(host, port), write);
+  stream.async_connect(addresses, write);
   io.run();
   if (failed) throw boost::system::system_error(failed);
   return parser.release();

@@ -17,7 +17,7 @@ struct ApiOptions {
 void add_api_options(CLI::App& command, ApiOptions& options);
 
 // Sends a request to /api/v1/`path`; with `body` as JSON unless it is null. Returns the answer. Throws Failure: with
-// the server's what, where and hint if it refuses, or if it does not answer within 10 s.
+// the server's what, where and hint if it refuses, or if the look-up of its name or the answer takes longer than 10 s.
 nlohmann::ordered_json ask_api(const ApiOptions& options, const char* method, const std::string& path,
                                const nlohmann::ordered_json& body = nullptr);
 

@@ -99,7 +99,9 @@ std::vector<studio::DrivePlan> drives_on_can(const Named& named) {
   return drives;
 }
 
-std::vector<studio::DrivePlan> drives_on_ethercat(const Named& named) {
+// A position is no name: after a change of the cables another slave may have it. So the identities are returned, too.
+std::vector<studio::DrivePlan> drives_on_ethercat(const Named& named,
+                                                  std::vector<master::EthercatIdentity>& identities) {
   const auto master = open_ethercat_master(named.options);
   const std::vector<master::FoundSlave> slaves = scan_segment(*master);
   std::vector<studio::DrivePlan> drives;
@@ -109,12 +111,15 @@ std::vector<studio::DrivePlan> drives_on_ethercat(const Named& named) {
       one.node_id = node;
       const master::FoundSlave& slave = choose_slave(*master, slaves, one);
       drives.push_back({{}, product_name(product_of(slave)), slave.position});
+      identities.push_back(slave.sii.identity);
     }
     return drives;
   }
   for (const master::FoundSlave& found : slaves) {
     master::EthercatSlave slave(*master, found, named.options.answer_timeout());
-    if (is_drive(slave)) drives.push_back({{}, product_name(product_of(found)), found.position});
+    if (!is_drive(slave)) continue;
+    drives.push_back({{}, product_name(product_of(found)), found.position});
+    identities.push_back(found.sii.identity);
   }
   return drives;
 }
@@ -151,6 +156,7 @@ std::vector<studio::DrivePlan> drives_on_serial10(const Named& named) {
 studio::BusPlan plan_of(const Named& named) {
   const auto [kind, link] = bus_kind(named.options);
   studio::BusPlan plan{named.options.link, "", {}, {}};
+  std::vector<master::EthercatIdentity> identities;
   switch (kind) {
     case BusKind::can:
       plan.type = "can";
@@ -158,7 +164,7 @@ studio::BusPlan plan_of(const Named& named) {
       break;
     case BusKind::ethercat:
       plan.type = "ethercat";
-      plan.drives = drives_on_ethercat(named);
+      plan.drives = drives_on_ethercat(named, identities);
       break;
     case BusKind::modbus:
       plan.type = "rs485";
@@ -176,6 +182,7 @@ studio::BusPlan plan_of(const Named& named) {
   }
   std::vector<DriveGroup::Member> members;
   for (const studio::DrivePlan& drive : plan.drives) members.push_back({drive.address, drive.product});
+  for (std::size_t i = 0; i < identities.size(); ++i) members[i].identity = identities[i];
   plan.open = [options = named.options, members](const links::Heard& heard) {
     BusOptions heard_options = options;
     heard_options.heard = heard;

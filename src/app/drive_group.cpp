@@ -201,6 +201,10 @@ void DriveGroup::open_ethercat(const BusOptions& options, const std::vector<Memb
     const BusOptions own = options_of(options, member);
     const master::FoundSlave& found = choose_slave(*ethercat_, segment_, own);
     slaves_.push_back(std::make_unique<master::EthercatSlave>(*ethercat_, found, options.answer_timeout()));
+    if (member.identity && found.sii.identity != *member.identity) {
+      throw master::MasterError("another slave is at this position than at the start", slaves_.back()->where(),
+                                "connect the slaves in their former order, or start this program again");
+    }
     products.push_back(own.product.empty() ? product_of(found) : named_product(own));
     if (!is_drive(*slaves_.back())) {
       throw Failure::wrong_use(fmt::format("{}: it is not a CiA 402 drive", slaves_.back()->where()));

@@ -16,6 +16,8 @@ class DriveGroup {
     unsigned node = 0;         // 0: the node of --node, or the only one
     std::string product = {};  // "": asked from the drive, or --product
     bool is_watched = true;    // on CANopen: monitors this program's heartbeat
+    // On EtherCAT: of the only slave that may be at this position; nullopt: any.
+    std::optional<master::EthercatIdentity> identity{};
   };
 
   // EtherCAT slaves go to OP together, and stay there as long as this object lives and waits; their axes stop when the

@@ -104,7 +104,7 @@ void Axis402::fail(const std::string& happened, const std::string& remedy) {
 
 void Axis402::leave_if_cancelled(const std::string& doing) {
   if (comes_to_rest_ || !options_.cancelled || !options_.cancelled()) return;
-  if (state() == PowerState::operation_enabled) stop();
+  stop();
   throw Cancelled(fmt::format("{} was cancelled; the axis stands at position {}", doing, position()), objects_.where(),
                   "start it anew");
 }
@@ -116,6 +116,12 @@ void Axis402::pause() {
 
 void Axis402::write_number(ObjectAddress object, std::int64_t value) {
   const std::size_t bytes = std::min(objects_.upload(object).size(), sizeof value);
+  // Whether the object has a sign is not known.
+  const std::int64_t half = bytes < sizeof value ? std::int64_t{1} << (8 * bytes) >> 1 : 0;
+  if (half != 0 && (value < -half || value >= 2 * half)) {
+    throw ObjectError(fmt::format("{} does not fit into the {} bytes of the object", value, bytes),
+                      fmt::format("{}, {}", objects_.where(), text_of(object)), "give a value that fits", false);
+  }
   objects_.download(object, std::as_bytes(std::span(&value, 1)).first(bytes));
 }
 
@@ -207,8 +213,15 @@ void Axis402::enable() {
   }
 }
 
+// A command that is cancelled must end soon, also if the drive never shows that it has obeyed.
+Time Axis402::time_to_obey() const {
+  constexpr Time when_cancelled = std::chrono::milliseconds(300);
+  return options_.cancelled && options_.cancelled() ? std::min(when_cancelled, options_.state_timeout)
+                                                    : options_.state_timeout;
+}
+
 void Axis402::disable() {
-  const PowerState present = state();
+  const PowerState present = or_send(command_word::disable_voltage, [this] { return state(); });
   if (present == PowerState::fault || present == PowerState::fault_reaction_active ||
       present == PowerState::not_ready_to_switch_on || present == PowerState::switch_on_disabled) {
     return take_back_targets_of_idle_axis();
@@ -216,20 +229,20 @@ void Axis402::disable() {
   const Restored rest(comes_to_rest_, true);
   halted_ = false;
   write_controlword(command_word::disable_voltage);
-  wait_for_state({PowerState::switch_on_disabled}, "switch off", options_.state_timeout);
+  wait_for_state({PowerState::switch_on_disabled}, "switch off", time_to_obey());
   take_back_targets();
 }
 
 // Option code 605Ah decides: the drive stays in quick stop active or continues to switch on disabled.
 void Axis402::quick_stop() {
-  const PowerState present = state();
+  const PowerState present = or_send(command_word::quick_stop, [this] { return state(); });
   if (present != PowerState::operation_enabled && present != PowerState::quick_stop_active) {
     return take_back_targets_of_idle_axis();
   }
   const Restored rest(comes_to_rest_, true);
   halted_ = false;
   if (present == PowerState::operation_enabled) write_controlword(command_word::quick_stop);
-  wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop", options_.state_timeout);
+  wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop", time_to_obey());
   take_back_targets();
   wait_for_standstill();
   rests_within(options_.state_timeout);

@@ -270,6 +270,20 @@ class Axis402 {
   void pause();
   void leave_if_cancelled(const std::string& doing);
   void start_move(std::int32_t target, bool relative, const MotionProfile& profile);
+  // Returns what `call` returns. If it throws, for example because the drive does not answer, the axis may still move:
+  // the controlword `word` is sent before the exception goes on. The word must not enable a drive in any state.
+  template <typename Call>
+  auto or_send(std::uint16_t word, const Call& call) {
+    try {
+      return call();
+    } catch (const MasterError&) {
+      halted_ = false;
+      write_controlword(word);
+      throw;
+    }
+  }
+  // The time in which a quick stop or the disabling must show in the statusword.
+  Time time_to_obey() const;
   bool is_to_operate();
   std::uint16_t present_controlword();
   OperationMode command_halt();

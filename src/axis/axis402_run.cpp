@@ -209,18 +209,18 @@ bool Axis402::is_to_operate() {
 std::uint16_t Axis402::present_controlword() {
   try {
     return objects_.read<std::uint16_t>(0x6040);
-  } catch (const ObjectError&) {
+  } catch (const MasterError&) {
     return controlword_ != 0 ? controlword_ : command_word::enable_operation;  // some drives only accept writes
   }
 }
 
 void Axis402::stop() {
   const Restored rest(comes_to_rest_, true);
-  const PowerState present = state();
+  const PowerState present = or_send(command_word::quick_stop, [this] { return state(); });
   if (present == PowerState::quick_stop_active) wait_for_standstill();
   if (present != PowerState::operation_enabled) return;
-  if (!is_to_operate()) return complete_stop_of_another();
-  const OperationMode mode = command_halt();
+  if (!or_send(command_word::quick_stop, [this] { return is_to_operate(); })) return complete_stop_of_another();
+  const OperationMode mode = or_send(command_word::quick_stop, [this] { return command_halt(); });
   if (!wait_for_standstill(options_.longest_halt)) {
     became_quick_stop_ = true;
     return quick_stop();
@@ -236,7 +236,9 @@ void Axis402::stop() {
 
 void Axis402::begin_stop() {
   const Restored rest(comes_to_rest_, true);
-  if (is_to_operate()) command_halt();
+  or_send(command_word::quick_stop, [this] {
+    if (is_to_operate()) command_halt();
+  });
 }
 
 // Another client has commanded a stop or the disabling. If that does not bring the axis to rest, a quick stop does.

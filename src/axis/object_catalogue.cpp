@@ -336,7 +336,8 @@ std::vector<std::byte> parse_value(std::string_view text, Type type) {
                                                                             : all_ones;
   const std::uint64_t lowest = dictionary::is_signed(type) ? (all_ones >> 1) + 1 : 0;
   if (magnitude > (negative ? lowest : highest)) {
-    refuse_value(text, fmt::format("it is outside the type, {}{} .. {}", lowest != 0 ? "-" : "", lowest, highest));
+    refuse_value(
+        text, fmt::format("it is outside {}, {}{} .. {}", short_word(type), lowest != 0 ? "-" : "", lowest, highest));
   }
   const std::uint64_t value = negative ? ~magnitude + 1 : magnitude;
   return bytes_of(&value, size);

@@ -21,6 +21,33 @@ bool needs_slave(const Action& action) {
          std::holds_alternative<WatchdogOff>(action);
 }
 
+// Returns why the number of the action cannot be the value, or bits of the value, of the object; "": it can.
+std::string misfit(const Action& action, const dictionary::Entry& entry) {
+  using How = Show::How;
+  std::int64_t number = 0;
+  bool is_bits = false;
+  if (const auto* set = std::get_if<SetObject>(&action)) {
+    number = set->value;
+  } else if (const auto* show = std::get_if<Show>(&action); show != nullptr) {
+    is_bits = show->how == How::set_bits || show->how == How::clear_bits || show->how == How::flip_bits;
+    if (show->how != How::value && !is_bits) return {};
+    number = show->number;
+  } else {
+    return {};
+  }
+  const std::string object = fmt::format("{:04X}h:{:02X}", entry.index, entry.sub);
+  if (!entry.fixed_size() || entry.type == dictionary::Type::real32) {
+    return fmt::format("{} is not a whole number", object);
+  }
+  const std::int64_t lowest = dictionary::minimum_of(entry.type);
+  std::int64_t highest = dictionary::maximum_of(entry.type);
+  if (is_bits && dictionary::size_of(entry.type) < sizeof number) highest -= lowest;  // the sign is a bit
+  if (number >= lowest && number <= highest) return {};
+  return fmt::format("{} does not fit into {}, {}{}, {} .. {}", number, object,
+                     dictionary::is_signed(entry.type) ? "INTEGER" : "UNSIGNED", dictionary::size_of(entry.type) * 8,
+                     lowest, highest);
+}
+
 }  // namespace
 
 links::CanBus* Director::can_bus(const RuleRun& rule) const {
@@ -62,6 +89,12 @@ void Director::check(const RuleRun& run) const {
     if (run.axis->device().bus_dictionary().find(object->index, object->sub.value_or(0)) == nullptr) {
       refuse(fmt::format("the drive has no object {:04X}h:{:02X}", object->index, object->sub.value_or(0)),
              "`servodrome export` writes a list of its objects");
+    }
+    for (const dictionary::Entry& entry : run.axis->device().bus_dictionary().table()) {
+      if (!object->contains(entry.index, entry.sub)) continue;
+      if (const std::string why = misfit(rule.action, entry); !why.empty()) {
+        refuse(why, "give a number of the object's type, or name the sub-index: object = \"1018:01\"");
+      }
     }
   }
   check_serial(rule);

@@ -41,6 +41,7 @@ void Director::begin() {
 void Director::take_over(Director& former) {
   former.finish();
   ports_ = std::move(former.ports_);
+  stations_ = std::move(former.stations_);
 }
 
 Director::~Director() {
@@ -128,6 +129,7 @@ bool Director::remove(const std::string& name) {
   RuleRun& rule = **found;
   end(rule);
   release(rule, Time::max());
+  for (const auto& segment : segments_) segment->let_go(&rule);
   if (rule.axis != nullptr && parts(*rule.axis).view) parts(*rule.axis).view->remove(rule);
   const Rule* text = rule.rule;
   rules_.erase(found);
@@ -155,7 +157,8 @@ void Director::place_stages() {
   for (const auto& bus : line_.ethercat_buses()) segments_.push_back(std::make_unique<SegmentStage>(*this, *bus));
   for (const auto& bus : line_.serial_buses()) {
     tcp_stages_.push_back(std::make_unique<TcpStage>(*this, *bus));
-    stations_.emplace(bus.get(), std::make_unique<RuleStation>(bus->line));
+    auto& station = stations_[bus.get()];
+    if (!station) station = std::make_unique<RuleStation>(bus->line);
   }
   for (const auto& axis : line_.axes()) {
     const auto& bus = axis->settings().bus;
@@ -417,6 +420,7 @@ void Director::finish() {
     release(*rule, Time::max());
   }
   for (ExpectationWatch& expectation : expectations_) expectation.finish(now(), facts_);
+  for (const auto& segment : segments_) segment->let_go();
   // A message that stayed in a mailbox would block it for ever.
   while (!queue_.empty()) queue_.extract(queue_.begin()).mapped()();
 }

@@ -47,7 +47,8 @@ class Director final : public line::Follower {
 
   // The scenario begins at the line's present time. Must be called once, while no other scenario runs on the line.
   void begin();
-  // Ends the former scenario of the line, in whose place this one will begin, and sends the frames that wait in it.
+  // Ends the former scenario of the line, in whose place this one will begin, and sends the frames and characters that
+  // wait in it.
   void take_over(Director& former);
   // Throws ScenarioError if one of the rules cannot be added.
   void check(const std::vector<Rule>& rules) const;
@@ -59,7 +60,7 @@ class Director final : public line::Follower {
   // Call this when the master has ended. The line may continue.
   void master_ended(bool success);
   // Ends all rules, undoes their effects, and judges the expectations that are still watched. Messages that the rules
-  // delay pass now.
+  // delay pass now; a frame of a segment that waits for later ones comes back with the next one.
   void finish();
   std::vector<RuleReport> rules() const;
   std::vector<Verdict> verdicts() const;

@@ -100,7 +100,7 @@ links::EthercatInterposer::Return SegmentStage::returns(std::span<std::uint8_t> 
   for (const RuleRun* rule : acting_) {
     const auto* delay = std::get_if<Delay>(&rule->rule->action);
     if (delay == nullptr) continue;
-    if (delay->frames != 0) hold_back(frame, delay->frames, result);
+    if (delay->frames != 0) hold_back(*rule, frame, delay->frames, result);
     result.delay += rule->lateness(*delay, director_.seed());
   }
   result.behind = behind_;
@@ -147,9 +147,10 @@ void SegmentStage::change_bytes(std::span<std::uint8_t> frame, Encapsulation enc
   }
 }
 
-void SegmentStage::hold_back(std::span<const std::uint8_t> frame, unsigned frames, Return& result) {
+void SegmentStage::hold_back(const RuleRun& rule, std::span<const std::uint8_t> frame, unsigned frames,
+                             Return& result) {
   const auto whole = frame.first(std::min(result.length.value_or(frame.size()), frame.size()));
-  held_.push_back({{whole.begin(), whole.end()}, frames});
+  held_.push_back({&rule, {whole.begin(), whole.end()}, frames});
   result.lost = true;
 }
 
@@ -158,6 +159,14 @@ void SegmentStage::release_held() {
     if (--one.later == 0) behind_.push_back(std::move(one.bytes));
   }
   std::erase_if(held_, [](const HeldFrame& one) { return one.later == 0; });
+}
+
+void SegmentStage::let_go(const RuleRun* rule) {
+  const auto goes = [rule](const HeldFrame& one) { return rule == nullptr || one.rule == rule; };
+  for (HeldFrame& one : held_) {
+    if (goes(one)) bus_.bus.bring_back(std::move(one.bytes));
+  }
+  std::erase_if(held_, goes);
 }
 
 }  // namespace servodrome::scenario

@@ -18,9 +18,13 @@ class SegmentStage final : public links::EthercatInterposer {
   Entry enters(std::span<std::uint8_t> frame, Encapsulation encapsulation, Time at) override;
   Return returns(std::span<std::uint8_t> frame, Encapsulation encapsulation, Time at) override;
 
+  // The frames that the rule holds back come back with the next frame; nullptr: those of all rules.
+  void let_go(const RuleRun* rule = nullptr);
+
  private:
   // A frame that comes back after frames that were sent later.
   struct HeldFrame {
+    const RuleRun* rule;
     std::vector<std::uint8_t> bytes;
     unsigned later = 0;  // number of frames that come back before it
   };
@@ -28,7 +32,7 @@ class SegmentStage final : public links::EthercatInterposer {
   void connect_all();
   void change_datagrams(const RuleRun& rule, std::span<std::uint8_t> frame, ethercat::Frame& parsed) const;
   void change_bytes(std::span<std::uint8_t> frame, Encapsulation encapsulation, Return& result);
-  void hold_back(std::span<const std::uint8_t> frame, unsigned frames, Return& result);
+  void hold_back(const RuleRun& rule, std::span<const std::uint8_t> frame, unsigned frames, Return& result);
   void release_held();
 
   Director& director_;

@@ -13,10 +13,10 @@ std::optional<std::int64_t> CycleSampler::period_of(std::size_t drive, master::O
   return std::max<std::int64_t>(1, (bus_->period() + line::tick_length / 2) / line::tick_length);
 }
 
-void CycleSampler::add(const std::shared_ptr<BusSamples>& samples) {
+void CycleSampler::add(std::span<const std::shared_ptr<BusSamples>> samples) {
   const std::lock_guard lock(mutex_);
   std::erase_if(channels_, [](const Channel& channel) { return channel.samples.expired(); });
-  find(channels_.emplace_back(Channel{samples}));
+  for (const auto& its : samples) find(channels_.emplace_back(Channel{its}));
 }
 
 // The mapping may have changed with the bus.

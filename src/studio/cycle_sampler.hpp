@@ -4,6 +4,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "axis/cyclic/cyclic_bus.hpp"
@@ -24,9 +25,12 @@ class CycleSampler {
   // Ticks between two cycles that have this object among the inputs of the drive; nullopt: it is not there, or there is
   // no cycle.
   std::optional<std::int64_t> period_of(std::size_t drive, master::ObjectAddress object) const;
-  void add(const std::shared_ptr<BusSamples>& samples);
+  // All of them get the values of the same cycles, from the next one on.
+  void add(std::span<const std::shared_ptr<BusSamples>> samples);
   // Cycles so far that have brought the inputs of a drive.
   std::uint64_t count() const { return count_; }
+  // No cycle brings values while the result lives, so that the rows of all samples end with the same cycle.
+  std::unique_lock<std::mutex> between_cycles() const { return std::unique_lock(mutex_); }
 
   // --- In the thread of the bus
   // Samples from the cycles of `bus` (nullptr: from none) as long as this object exists.

@@ -118,12 +118,18 @@ void DriveBus::submit(std::shared_ptr<Work> work) {
   woken_.notify_all();
 }
 
-void DriveBus::sample(const std::shared_ptr<BusSamples>& samples) {
-  if (samples->sampling().by == Sampling::By::cycle) return cycle_.add(samples);
-  if (samples->sampling().by == Sampling::By::pdo) return pdos_.add(samples);
+void DriveBus::sample(const std::vector<std::shared_ptr<BusSamples>>& samples) {
+  std::vector<std::shared_ptr<BusSamples>> in_cycles;
   const std::lock_guard lock(mutex_);
   std::erase_if(sampled_, [](const auto& its) { return its.expired(); });
-  sampled_.push_back(samples);
+  for (const auto& its : samples) {
+    switch (its->sampling().by) {
+      case Sampling::By::cycle: in_cycles.push_back(its); break;
+      case Sampling::By::pdo: pdos_.add(its); break;
+      case Sampling::By::reading: sampled_.push_back(its); break;
+    }
+  }
+  cycle_.add(in_cycles);
 }
 
 std::unique_ptr<master::CanCyclicBus> OpenBus::record(const std::vector<master::CanDrive>&, master::Time,

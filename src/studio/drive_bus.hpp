@@ -183,7 +183,7 @@ class DriveBus {
   void submit(std::shared_ptr<Work> work);
   // Refuses the waiting writes that would move the drive.
   void cancel_motion(std::size_t drive);
-  void sample(const std::shared_ptr<BusSamples>& samples);
+  void sample(const std::vector<std::shared_ptr<BusSamples>>& samples);
   const CycleSampler& cycle() const { return cycle_; }
   HeardPdos& pdos() { return pdos_; }
   // Sets up TPDOs for recordings. Only for a work item. Throws MasterError.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <sstream>
 
+#include "describe/words.hpp"
 #include "dictionary/dictionary.hpp"
 #include "links/number_text.hpp"
 #include "studio/commissioning.hpp"
@@ -229,7 +230,7 @@ class PdoTable {
     int end = 0;
     // NOLINTNEXTLINE(cert-err34-c): the end is checked, and widths limit the numbers
     const int found = std::sscanf(text.c_str(), "%4x:%2x%n/%3u%n", &index, &sub, &end, &bits, &end);
-    if (found < 2 || end != static_cast<int>(text.size())) {
+    if (found < 2 || end != static_cast<int>(text.size()) || bits > 0xFFU) {
       wrong(fmt::format("\"{}\" is not an object", text.substr(0, 40)), "objects", hint);
     }
     if (found < 3) {
@@ -240,7 +241,7 @@ class PdoTable {
       }
       bits = dictionary::size_of(entry->type) * 8U;
     }
-    return static_cast<std::uint32_t>(index) << 16U | static_cast<std::uint32_t>(sub) << 8U | (bits & 0xFFU);
+    return static_cast<std::uint32_t>(index) << 16U | static_cast<std::uint32_t>(sub) << 8U | bits;
   }
 
   // Adds a value with the parameter's type; throws if the drive does not permit writing it.
@@ -249,6 +250,10 @@ class PdoTable {
     if (parameter == nullptr) {
       wrong(fmt::format("{} cannot be written", master::text_of(address)), master::text_of(address),
             "it is fixed in this drive, or the drive does not have it");
+    }
+    if (const std::int64_t most = dictionary::maximum_of(parameter->type); number > static_cast<std::uint64_t>(most)) {
+      wrong(fmt::format("{} is outside {}, 0 .. {}", number, describe::word(parameter->type), most),
+            master::text_of(address), "give a number of the object's type");
     }
     const auto bytes = dictionary::encode_number(static_cast<std::int64_t>(number));
     master::ParameterValue value{.address = address, .type = parameter->type, .name = parameter->name};

@@ -127,13 +127,13 @@ std::vector<std::byte> value_of(master::ObjectClient& objects, const dictionary:
   return bytes;
 }
 
-// Throws ApiError if the drive does not have the object.
+// Throws ApiError if the drive does not have the object, or does not answer.
 void require_in_drive(RealDrives& drives, const Object& object) {
   asking(object.where, [&] {
     try {
       drives.open(object.axis)->upload({object.entry.index, object.entry.sub});
     } catch (const master::ObjectError& error) {
-      if (error.object_is_absent()) throw;
+      if (error.object_is_absent() || !error.answered()) throw;
       // It may be write-only.
     }
   });

@@ -167,8 +167,8 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   // `channel` is one that channel() has made.
   const Sampled& sampled_by(const api::NamedChannel& channel) const;
   Sampling usual_sampling(const Sampled& sampled, std::int64_t stride) const;
-  std::shared_ptr<api::Samples> open_samples(const Sampled& sampled, const Sampling& sampling, std::int64_t stride,
-                                             std::span<const std::byte> initial = {});
+  // Samples from now on; the values of earlier ticks are unknown.
+  std::vector<std::shared_ptr<api::Samples>> open_samples(const std::vector<Chosen>& channels, std::int64_t stride);
   std::int64_t reading_period(const std::vector<Chosen>& channels) const;
   std::int64_t choose_stride(std::int64_t wanted, std::vector<Chosen>& channels) const;
   std::vector<Chosen> usual_choice(const std::vector<api::NamedChannel>& channels) const;

@@ -22,7 +22,7 @@ Json json_of(const JobError& error) { return {{"what", error.what}, {"where", er
 NamedChannel RealDrives::channel(Sampled sampled, Json view, std::function<double()> value) {
   sampled.key = view.value("axis", "") + "/" + view.value("signal", view.value("object", ""));
   const auto open = [this, sampled](std::int64_t stride) {
-    return open_samples(sampled, usual_sampling(sampled, stride), stride);
+    return open_samples({Chosen{&sampled, usual_sampling(sampled, stride), ""}}, stride).front();
   };
   objects_.insert_or_assign(sampled.key, sampled);
   return {sampled.axis->name, std::move(view), open, std::move(value)};
@@ -41,19 +41,28 @@ Sampling RealDrives::usual_sampling(const Sampled& sampled, std::int64_t stride)
   return {.period = std::max(finest_reading, stride)};
 }
 
-std::shared_ptr<api::Samples> RealDrives::open_samples(const Sampled& sampled, const Sampling& sampling,
-                                                       std::int64_t stride, std::span<const std::byte> initial) {
-  const std::string key = fmt::format("{}/{}/{}/{}/{}", sampled.key, stride, static_cast<int>(sampling.by),
-                                      sampling.period, sampling.can_id);
-  std::weak_ptr<BusSamples>& known = sampled_[sampled.axis->bus][key];
-  if (auto samples = known.lock()) return samples;
-  const std::int64_t first = (std::max(tick(), advanced_) / stride + 1) * stride;
-  auto samples =
-      std::make_shared<BusSamples>(sampled.axis->drive, sampled.object, sampled.decode, sampling, stride, first);
-  samples->begin_with(initial);
-  buses_[sampled.axis->bus]->sample(samples);
-  known = samples;
-  return samples;
+std::vector<std::shared_ptr<api::Samples>> RealDrives::open_samples(const std::vector<Chosen>& channels,
+                                                                    std::int64_t stride) {
+  const std::int64_t first = (std::max<std::int64_t>(now() / line::tick_length, advanced_) / stride + 1) * stride;
+  std::vector<std::shared_ptr<api::Samples>> opened;
+  std::vector<std::vector<std::shared_ptr<BusSamples>>> of_buses(buses_.size());
+  for (const Chosen& channel : channels) {
+    const auto& [axis, object, decode, name] = *channel.sampled;
+    const Sampling& sampling = channel.sampling;
+    const std::string key =
+        fmt::format("{}/{}/{}/{}/{}", name, stride, static_cast<int>(sampling.by), sampling.period, sampling.can_id);
+    std::weak_ptr<BusSamples>& known = sampled_[axis->bus][key];
+    auto samples = known.lock();
+    if (!samples) {
+      samples = std::make_shared<BusSamples>(axis->drive, object, decode, sampling, stride, first);
+      samples->begin_with(channel.initial);
+      of_buses[axis->bus].push_back(samples);
+      known = samples;
+    }
+    opened.push_back(std::move(samples));
+  }
+  for (std::size_t bus = 0; bus < buses_.size(); ++bus) buses_[bus]->sample(of_buses[bus]);
+  return opened;
 }
 
 // Reading objects uses at most half of the time of the busiest bus.
@@ -122,8 +131,19 @@ api::Source::Prepared RealDrives::prepare(double rate_hz, std::vector<NamedChann
     Json& view = channels[i].view["sampled"] = {{"by", its.by}};
     if (its.sampling.period > 0) view["due_hz"] = ticks_per_second / static_cast<double>(period);
     if (period > wanted) view["limit"] = json_of(its.limit ? *its.limit : limit_of(*its.sampled, its.sampling));
-    channels[i].open = [this, sampled = *its.sampled, sampling = its.sampling, initial = its.initial](
-                           std::int64_t stride) { return open_samples(sampled, sampling, stride, initial); };
+  }
+  // The channel that is opened first opens all, so that they begin with the same cycle.
+  struct Together {
+    std::vector<Chosen> channels;
+    std::vector<std::shared_ptr<api::Samples>> opened{};
+  };
+  const auto together = std::make_shared<Together>(Together{std::move(chosen)});
+  for (std::size_t i = 0; i < channels.size(); ++i) {
+    channels[i].open = [this, together, i](std::int64_t stride) {
+      if (together->opened.empty()) together->opened = open_samples(together->channels, stride);
+      if (auto samples = std::move(together->opened[i])) return samples;
+      return open_samples({together->channels[i]}, stride).front();
+    };
   }
   return prepared;
 }
@@ -162,6 +182,7 @@ std::int64_t RealDrives::take_samples(std::int64_t end) {
   advanced_ = std::min(end, advanced_ + finest * most_rows);
   for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
     if (sampled_[bus].empty()) continue;
+    const auto held = buses_[bus]->cycle().between_cycles();
     const DriveBus::State state = buses_[bus]->state();
     for (const auto& [key, its] : sampled_[bus]) {
       if (const auto samples = its.lock()) samples->advance(advanced_, !state.drives[samples->drive()].problem);

@@ -282,6 +282,31 @@ TEST_P(AxisMotion, LimitsAreReadAndWrittenAndPutBackWhenOneIsRefused) {
   }
 }
 
+// A drive whose 607Fh has 16 bits.
+struct NarrowLimit final : ObjectClient {
+  std::vector<std::byte> upload(ObjectAddress object) override {
+    if (object.index != 0x607F) throw ObjectError("it is absent", "test", "", true);
+    return std::vector<std::byte>(2);
+  }
+  void download(ObjectAddress, std::span<const std::byte> data) override { written.assign(data.begin(), data.end()); }
+  Time now() const override { return {}; }
+  void wait(Time) override {}
+  std::uint16_t address() const override { return 1; }
+  std::string where() const override { return "test"; }
+
+  std::vector<std::byte> written;
+};
+
+TEST(AxisLimitsOfAnotherSize, ANumberThatDoesNotFitIsNotCut) {
+  NarrowLimit drive;
+  Axis402 axis(drive);
+  axis.set_limits({.profile_velocity = 65535});
+  EXPECT_EQ(drive.written, std::vector(2, std::byte{0xFF}));
+  EXPECT_THAT(problem_of([&] { axis.set_limits({.profile_velocity = 65537}); }),
+              HasSubstr("65537 does not fit into the 2 bytes"));
+  EXPECT_EQ(drive.written, std::vector(2, std::byte{0})) << "put back";
+}
+
 TEST_P(AxisMotion, EveryWaitCanBeCancelledAndTheAxisStands) {
   axis.enable();
   const auto after = [&](double turns) {

@@ -187,6 +187,15 @@ TEST_F(MotionOfSimulatedDrives, VelocityModeIsCommandedAsVelocity) {
   EXPECT_NEAR(group.axis(0).velocity(), -800.0, 1.0);
 }
 
+TEST_F(MotionOfSimulatedDrives, ATargetBeyondItsObjectKeepsItsDirection) {
+  group.enable();
+  ASSERT_TRUE(group.axis(0).run_in_velocity_mode(3e9, {1e10, 1e11, 1e11, 0.0}));
+  ASSERT_TRUE(group.axis(1).apply_torque(40'000.0, 1e6, 0.0));
+  group.wait(500ms);
+  EXPECT_NEAR(group.axis(0).velocity(), 2'147'483'647.0, 1.0);
+  EXPECT_EQ(bus.image(1).output({0x6071, 0})->get<std::int16_t>(), 32767);
+}
+
 TEST_F(MotionOfSimulatedDrives, HomingChangesTheCount) {
   bus.drive(0).position = 5555;
   group.enable();

@@ -1,15 +1,17 @@
 #include "axis/object_catalogue.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sstream>
 
-#include "master/error.hpp"
+#include "master/problem_of.hpp"
 
 namespace servodrome::master {
 namespace object_catalogue_test {
 namespace {
 
 using dictionary::Type;
+using testing::HasSubstr;
 
 std::vector<unsigned> bytes_of(std::string_view text, Type type) {
   std::vector<unsigned> numbers;
@@ -110,6 +112,7 @@ TEST(ValueText, ParsesWhatTheTypeHas) {
                                                 {"1.5", Type::integer32},   {"1F2", Type::domain},
                                                 {"GG", Type::octet_string}, {"18446744073709551616", Type::unsigned64}};
   for (const auto& [text, type] : wrong) EXPECT_THROW(parse_value(text, type), MasterError) << text;
+  EXPECT_THAT(test::problem_of([] { parse_value("-129", Type::integer8); }), HasSubstr("outside i8, -128 .. 127"));
 }
 
 TEST(ValueText, PrintsWhatPeopleRead) {

@@ -5,6 +5,7 @@
 
 #include "axis/axis_rig.hpp"
 #include "axis/cia402_words.hpp"
+#include "drive/drive.hpp"
 
 namespace servodrome::master::test {
 namespace stop_sequences_test {
@@ -12,6 +13,32 @@ namespace {
 
 constexpr double slow_ramp = 2.0;  // revolutions per second squared
 constexpr double run_speed = 3.0;  // revolutions per second; below the factory limit of each product
+
+// The objects of a drive, without answers to reads or with a statusword that keeps its value.
+struct Faulty final : ObjectClient {
+  explicit Faulty(ObjectClient& drive) : its(drive) {}
+  std::vector<std::byte> upload(ObjectAddress object) override {
+    if (is_silent) {
+      its.wait(20ms);
+      throw ObjectError("no answer", "test", "", false, false);
+    }
+    auto value = its.upload(object);
+    if (object.index != 0x6041) return value;
+    if (!keeps_statusword) kept = value;
+    return kept;
+  }
+  void download(ObjectAddress object, std::span<const std::byte> data) override { its.download(object, data); }
+  bool size_is_known() const override { return its.size_is_known(); }
+  Time now() const override { return its.now(); }
+  void wait(Time span) override { its.wait(span); }
+  std::uint16_t address() const override { return its.address(); }
+  std::string where() const override { return its.where(); }
+
+  ObjectClient& its;
+  bool is_silent = false;
+  bool keeps_statusword = false;
+  std::vector<std::byte> kept{};
+};
 
 class StopSequences : public testing::TestWithParam<RigCase> {
  protected:
@@ -50,6 +77,57 @@ class StopSequences : public testing::TestWithParam<RigCase> {
 };
 INSTANTIATE_TEST_SUITE_P(Every, StopSequences, testing::ValuesIn(every_product),
                          [](const auto& row) { return row.param.name(); });
+
+TEST_P(StopSequences, AStopOfADriveThatCannotBeReadIsSent) {
+  using Call = void (Axis402::*)();
+  for (const Call call : {&Axis402::stop, &Axis402::begin_stop, &Axis402::quick_stop, &Axis402::disable}) {
+    run();
+    Faulty objects(rig.objects());
+    Axis402 blind(objects, rig.options());
+    objects.is_silent = true;
+    EXPECT_NE(problem_of([&] { (blind.*call)(); }), "");
+    rig.objects().wait(3s);
+    EXPECT_FALSE(turns());
+    axis.disable();
+  }
+}
+
+// A quick stop, which the end of an axis that cannot be read commands, must not enable it.
+TEST_P(StopSequences, AStopOfADriveThatCannotBeReadEnablesNothing) {
+  axis.enable();
+  axis.disable();
+  command(command_word::shutdown);
+  command(command_word::switch_on);
+  Faulty objects(rig.objects());
+  Axis402 blind(objects, rig.options());
+  objects.is_silent = true;
+  blind.try_to_switch_off();
+  rig.objects().wait(500ms);
+  EXPECT_FALSE(rig.drive().device().drive().energised());
+}
+
+// Two seconds after SIGTERM a trial kills its master.
+TEST_P(StopSequences, ACancelledMotionEndsInTwoSecondsThoughTheStatuswordStands) {
+  for (const double ramp : {50.0, 1.0}) {
+    Faulty objects(rig.objects());
+    bool is_cancelled = false;
+    AxisOptions options = rig.options();
+    options.longest_halt = 1s;
+    options.cancelled = [&] { return is_cancelled; };
+    Axis402 cancelled(objects, options);
+    run();
+    cancelled.run_at(velocity(), profile(ramp), 5s);
+    cancelled.hold_for(200ms);
+    objects.keeps_statusword = is_cancelled = true;
+    const Time begun = objects.now();
+    EXPECT_NE(problem_of([&] { cancelled.hold_for(10s); }), "");
+    cancelled.try_to_switch_off();
+    EXPECT_LT(objects.now() - begun, 2s) << ramp;
+    EXPECT_FALSE(rig.drive().device().drive().energised()) << ramp;
+    rig.objects().wait(3s);
+    axis.disable();
+  }
+}
 
 // To switch off in the middle of a quick stop would let the axis coast, which takes much longer than its ramp here.
 TEST_P(StopSequences, AQuickStopOfAnotherIsNotCutOff) {

@@ -391,3 +391,18 @@ def test_wrong_use_is_said(line):
     assert "node 9 does not answer" in servodrome("studio", "--bus", f"{can}=1,9", status=1)
     assert "given twice" in servodrome("studio", "--bus", can, "--bus", can, status=2)
     servodrome("studio", "--bus", "socketcand:127.0.0.1:1/can0", status=1)
+
+
+# A position on the segment is no name: with other cables another drive has it.
+def test_another_slave_at_the_position_is_not_commanded(line, studio):
+    bus = f"buses/{quote(buses_of(line)[1], safe='')}"
+    wait_for(lambda: studio.bench.axis("jmc_ec-1")["powered"], "jmc_ec-1")
+    rule = '[[rule]]\naxis = "jmc"\ndo = "sii"\nword = 10\nvalue = 7\n'  # of the product code
+    line.bench.put("scenario", {"text": f'title = "another slave"\n{rule}'})
+    line.bench.post("axes/jmc/power", {"action": "off"})
+    wait_for(lambda: not studio.bench.get(bus)["connected"], "the loss of the bus", 30)
+    line.bench.post("axes/jmc/power", {"action": "on"})
+    wait_for(lambda: "another slave" in studio.bench.get(bus)["problem"]["what"], "the refusal", 30)
+    with pytest.raises(ApiError, match="another slave"):
+        studio.job("jmc_ec-1", do="enable")
+    assert line.bench.axis("jmc")["state"] == "switch on disabled"

@@ -42,6 +42,30 @@ OperationOptions options_with_clocks(Time period = 1ms) {
   return {.cyclic = {.period = period}, .distributed_clocks = true, .clock = {.epoch = 700'000'000'000'000'000}};
 }
 
+// The receive times have 32 bits; between the times of two ports their highest bit may change, or all bits.
+TEST(Clocks, TheDelayDoesNotDependOnTheLocalTime) {
+  const auto delays = [](std::optional<std::uint32_t> middle, std::uint32_t& middle_found) {
+    EthercatLine line({.slaves = 3, .hop = 5us});
+    line.open();
+    if (middle) line.devices.front().esc.jump_clock(Time{*middle - middle_found}, line.now);
+    DistributedClocks clocks(*line.master, line.found);
+    clocks.start({.measurements = 1, .drift_frames = 0});
+    const std::uint16_t station = line.found.front().station;
+    const auto first = line.master->read<std::uint32_t>(station, ethercat::reg::receive_time_port);
+    const auto second = line.master->read<std::uint32_t>(station, ethercat::reg::receive_time_port + 4);
+    middle_found = first + (second - first) / 2;
+    return std::pair{clocks.delay_ns(line.found[1].station), clocks.delay_ns(line.found[2].station)};
+  };
+  std::uint32_t usual = 0;
+  const auto expected = delays({}, usual);
+  EXPECT_GT(expected.first, 4000U);
+  for (const std::uint32_t middle : {0x80000000U, 0U}) {
+    std::uint32_t found = usual;
+    EXPECT_EQ(delays(middle, found), expected) << middle;
+    EXPECT_EQ(found, middle);
+  }
+}
+
 struct Case {
   std::size_t slaves;
   Time hop;

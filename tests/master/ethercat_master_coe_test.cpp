@@ -49,6 +49,48 @@ TEST_F(CoeTest, SdosOfEverySize) {
   EXPECT_EQ(slave.coe().upload({0x1008, 0}).size(), std::string_view("Servodrome EtherCAT test device").size());
 }
 
+// Mails without a counter, the next one as soon as the master has read one.
+struct Storm final : ethercat::SlaveInterposer {
+  Dispatch sends(Mail& mail) override {
+    mail.mailbox[5] &= 0x0F;
+    return {Sending::pass, 1'000'000};
+  }
+};
+
+TEST_F(CoeTest, EmergenciesWithoutEndDoNotKeepARequestFromItsTimeout) {
+  Storm storm;
+  device.slave.interpose(&storm);
+  device.slave.emergency(0x3210, 0x05, {});
+  const Time begun = line.now;
+  EXPECT_EQ(code_of([&] { slave.coe().read<std::uint32_t>(0x1000); }), AbortCode::protocol_timed_out);
+  EXPECT_LT(line.now - begun, 3s);
+  EXPECT_EQ(slave.mailbox().emergencies().size(), 64U);
+  device.slave.interpose(nullptr);
+}
+
+TEST_F(CoeTest, OnlyAnUploadWithoutAnAnswerIsRepeated) {
+  struct Loss final : ethercat::SlaveInterposer {
+    Dispatch sends(Mail&) override {
+      if (answers == 0) return {};
+      --answers;
+      return {Sending::withhold};
+    }
+    unsigned answers = 0;
+  } loss;
+  device.slave.interpose(&loss);
+  device.objects.ranged = 42;
+  loss.answers = 1;
+  EXPECT_EQ(slave.coe().read<std::int16_t>(0x2006), 42);
+  loss.answers = 1;
+  EXPECT_EQ(slave.coe().upload({0x1008, 0}).size(), std::string_view("Servodrome EtherCAT test device").size());
+  loss.answers = 2;
+  EXPECT_EQ(code_of([&] { slave.coe().read<std::int16_t>(0x2006); }), AbortCode::protocol_timed_out);
+  loss.answers = 1;
+  EXPECT_EQ(code_of([&] { slave.coe().write<std::int16_t>(0x2006, 0, 7); }), AbortCode::protocol_timed_out);
+  EXPECT_EQ(device.objects.ranged, 7);
+  device.slave.interpose(nullptr);
+}
+
 TEST_F(CoeTest, CompleteAccess) {
   std::vector<std::byte> record{std::byte{3}, std::byte{0}};
   for (const unsigned value : {0x1111U, 0x2222U, 0x3333U}) {

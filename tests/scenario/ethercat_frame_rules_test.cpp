@@ -216,6 +216,36 @@ times = 1
   EXPECT_EQ(segment.receive().at(0).index, 1);
 }
 
+// A frame cannot come back by itself, so it comes with the next one.
+TEST(EthercatFrameRules, AFrameThatIsHeldBackDoesNotOutliveItsRuleOrScenario) {
+  const char* const rule = R"(
+[[rule]]
+name = "held"
+on = { message = "frame" }
+do = "delay"
+frames = 9
+times = 2
+)";
+  for (const char* way : {"remove", "finish", "take over"}) {
+    SegmentUnderRules segment(rule);
+    Director next(segment.line, scenario_of(""));
+    segment.send({{Command::brd, 0}}, 1);
+    segment.send({{Command::brd, 0}}, 2);
+    EXPECT_THAT(segment.receive(10ms), SizeIs(0)) << way;
+    if (way == std::string_view("remove")) segment.director.remove("held");
+    if (way == std::string_view("finish")) segment.director.finish();
+    if (way == std::string_view("take over")) {
+      next.take_over(segment.director);
+      next.begin();
+    }
+    segment.send({{Command::brd, 0}}, 3);
+    for (const int index : {3, 1, 2}) EXPECT_EQ(segment.receive().at(0).index, index) << way;
+    segment.send({{Command::brd, 0}}, 4);
+    EXPECT_EQ(segment.receive().at(0).index, 4) << way;
+    EXPECT_THAT(segment.receive(), SizeIs(0)) << way;
+  }
+}
+
 TEST(EthercatFrameRules, AllFramesComeBackOneFrameLate) {
   SegmentUnderRules segment(R"(
 [[rule]]

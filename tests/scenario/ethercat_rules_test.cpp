@@ -274,8 +274,8 @@ TEST(EthercatMailboxRules, AnAnswerIsWithheld) {
 [[rule]]
 on = { message = "sdo_answer", object = "1000" }
 do = "withhold"
-times = 1
-)");
+times = 2
+)");  // the master asks twice
   EXPECT_NE(segment.read_problem(), "");
   EXPECT_EQ(segment.coe().read<std::uint32_t>(0x1000), device_type);
 }
@@ -315,7 +315,7 @@ on = { message = "sdo_answer" }
 do = "delay"
 ms = 150
 )");
-  segment.coe().set_timeout(100ms);
+  segment.coe().set_timeout(50ms);  // the master asks twice
   EXPECT_NE(segment.read_problem(), "");
   segment.slaves.front()->to_init();
   segment.slaves.front()->to_pre_operational();

@@ -211,5 +211,34 @@ TEST(ObjectRules, AnObjectThatTheDriveDoesNotHaveIsRefused) {
   EXPECT_THROW(Director(line, scenario_of("[[rule]]\ndo = \"show\"\nobject = \"5FFF\"\nvalue = 1")), ScenarioError);
 }
 
+TEST(ObjectRules, ANumberThatDoesNotFitIntoTheObjectIsRefused) {
+  line::Line line(line::test::settings_of(one_axis));
+  const auto is_refused = [&line](const std::string& action) {
+    try {
+      Director(line, scenario_of("[[rule]]\n" + action));
+    } catch (const ScenarioError& error) {
+      EXPECT_NE(std::string(error.what()).find("does not fit into 60"), std::string::npos) << error.what();
+      return true;
+    }
+    return false;
+  };
+  const auto on = [](const char* action, const char* object, const char* number) {
+    return fmt::format("do = \"{}\"\nobject = \"{}\"\n{}\n", action, object, number);
+  };
+  for (const char* action : {"set", "show"}) {
+    EXPECT_FALSE(is_refused(on(action, "6060", "value = -128"))) << action;  // INTEGER8
+    EXPECT_TRUE(is_refused(on(action, "6060", "value = -129"))) << action;
+    EXPECT_TRUE(is_refused(on(action, "6060", "value = 255"))) << action;
+    EXPECT_FALSE(is_refused(on(action, "6081", "value = 4294967295"))) << action;  // UNSIGNED32
+    EXPECT_TRUE(is_refused(on(action, "6081", "value = 4294967296"))) << action;
+    EXPECT_TRUE(is_refused(on(action, "6081", "value = -1"))) << action;
+  }
+  EXPECT_FALSE(is_refused(on("show", "6060", "set_bits = 0x80")));
+  EXPECT_TRUE(is_refused(on("show", "6060", "set_bits = 0x100")));
+  EXPECT_FALSE(is_refused(on("show", "6041", "flip_bits = 0x8000\nperiod_ms = 10")));
+  EXPECT_TRUE(is_refused(on("show", "6041", "flip_bits = 0x10000\nperiod_ms = 10")));
+  EXPECT_FALSE(is_refused(on("show", "6060", "add = 1000"))) << "the sum wraps around";
+}
+
 }  // namespace
 }  // namespace servodrome::scenario::test

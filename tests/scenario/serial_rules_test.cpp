@@ -238,6 +238,21 @@ times = 20
   EXPECT_EQ(scene.ask(read_status), status);
 }
 
+TEST(SerialRules, CharactersThatARuleHasBegunToSendAreSentInPlaceOfAnotherScenario) {
+  SerialScene scene(R"(
+[[rule]]
+bus = "rs"
+when = { time_ms = 100 }
+do = "send"
+data = "01 02 03 04 05 06 07 08 09 0A 0B 0C"
+)");
+  scene.line.run_until(100ms + 3 * scene.character());
+  Director next(scene.line, scenario_of(""));
+  next.take_over(scene.director);
+  next.begin();
+  EXPECT_EQ(scene.heard(100ms), hex_of(bytes_of("01 02 03 04 05 06 07 08 09 0A 0B 0C")));
+}
+
 TEST(SerialRules, AStubIsCutAndTheOtherDriveAnswers) {
   SerialScene scene(R"(
 [[rule]]

@@ -97,7 +97,7 @@ class CycleSamplerTest : public testing::Test {
 
   std::shared_ptr<BusSamples> sample(std::size_t drive) {
     auto samples = std::make_shared<BusSamples>(drive, position, number_of, Sampling{Sampling::By::cycle, 16}, 16, 16);
-    sampler_.add(samples);
+    sampler_.add({&samples, 1});
     return samples;
   }
   // The end of the rows whose samples have arrived.

@@ -265,6 +265,18 @@ TEST_F(Parameters, AnIdentifierAndATransmissionTypeAreChanged) {
   EXPECT_EQ(value("generic402", "1800/3"), 50);
 }
 
+TEST_F(Parameters, ANumberThatDoesNotFitIntoAPdoObjectIsRefused) {
+  const auto before = value("generic402", "1800/2");
+  const auto mapping = get("axes/generic402/pdos");
+  for (const char* part : {R"("transmission_type": 257)", R"("sync_start": 256)", R"("objects": ["0000:00/264"])"}) {
+    const auto response =
+        ask(Method::put, "axes/generic402/pdos", fmt::format(R"({{"pdos": [{{"index": "0x1A00", {}}}]}})", part));
+    EXPECT_EQ(response.status, 422U) << part << " " << response.body;
+  }
+  EXPECT_EQ(value("generic402", "1800/2"), before);
+  EXPECT_EQ(get("axes/generic402/pdos"), mapping);
+}
+
 TEST_F(Parameters, AnAssignmentIsChangedInPreOperationalOnly) {
   const auto early = ask(Method::put, "axes/jmc_ec/pdos", R"({"receive": ["0x1601"]})");
   EXPECT_EQ(early.status, 409U);

@@ -77,6 +77,20 @@ TEST_F(RealRecordingsTest, ReadsObjectsAtAHundredHertz) {
   EXPECT_NE(type_of_tpdo(), 1U);
 }
 
+TEST_F(RealRecordingsTest, AllChannelsBeginWithTheSameRowAndNotInThePast) {
+  std::vector<api::NamedChannel> channels{drives_->object("reference", 0x6064, 0),
+                                          drives_->object("reference", 0x2010, 2)};
+  const auto prepared = drives_->prepare(100, channels);
+  const std::int64_t present = drives_->now() / 62'500ns;
+  const auto first = channels[0].open(prepared.stride);
+  std::this_thread::sleep_for(25ms);
+  const auto again = channels[0].open(prepared.stride);
+  const auto second = channels[1].open(prepared.stride);
+  EXPECT_EQ(first, again);
+  EXPECT_EQ(first->due(), second->due());
+  EXPECT_GT(first->due(), present);
+}
+
 // Without a heartbeat another master may have started the node: to pre-operational and back could stop the axis.
 TEST_F(RealRecordingsTest, ChangesNothingWhileADriveWithoutHeartbeatHasTorque) {
   const auto objects = drives_->open(axis());

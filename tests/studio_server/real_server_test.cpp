@@ -22,13 +22,18 @@ using namespace std::chrono_literals;
 struct Controlwords {
   std::mutex mutex{};
   std::vector<std::string> written{};
+  unsigned unanswered = 0;  // accesses to the object 5FFEh, which never gets an answer
 };
 
 class NotedObjects final : public master::ObjectClient {
  public:
   NotedObjects(master::ObjectClient& objects, Controlwords& noted) : objects_(objects), noted_(noted) {}
-  std::vector<std::byte> upload(master::ObjectAddress object) override { return objects_.upload(object); }
+  std::vector<std::byte> upload(master::ObjectAddress object) override {
+    leave_unanswered(object);
+    return objects_.upload(object);
+  }
   void download(master::ObjectAddress object, std::span<const std::byte> data) override {
+    leave_unanswered(object);
     if (object.index == 0x6040) {
       const std::lock_guard lock(noted_.mutex);
       noted_.written.push_back(fmt::format("{} {:X}", objects_.address(), std::to_integer<unsigned>(data[0])));
@@ -42,6 +47,13 @@ class NotedObjects final : public master::ObjectClient {
   std::string where() const override { return objects_.where(); }
 
  private:
+  void leave_unanswered(master::ObjectAddress object) {
+    if (object.index != 0x5FFE) return;
+    const std::lock_guard lock(noted_.mutex);
+    ++noted_.unanswered;
+    throw master::ObjectError("no answer", "test", "", false, false);
+  }
+
   master::ObjectClient& objects_;
   Controlwords& noted_;
 };
@@ -257,6 +269,20 @@ TEST(RealBenchTest, AnObjectThatTheDriveDoesNotHaveIsNotFound) {
       }
     }
   }
+}
+
+TEST(RealBenchTest, AWriteToASilentDriveWaitsForOneAnswerOnly) {
+  master::test::AxisRig rig{{"generic402"}};
+  Controlwords noted;
+  RealDrives drives({plan_of(rig, noted)});
+  drives.set_wait([](master::Time) { std::this_thread::sleep_for(1ms); });
+  const RealDrives::Axis& axis = *drives.find("reference");
+  for (int i = 0; i < 3000 && drives.state_of(axis).problem; ++i) std::this_thread::sleep_for(10ms);
+  RealBench bench(drives);
+  api::Call call{.arguments = {"reference", "5FFE", "0"}, .body = R"({"value": "01"})"};
+  EXPECT_THROW(bench.write_object(call), api::ApiError);
+  const std::lock_guard lock(noted.mutex);
+  EXPECT_EQ(noted.unanswered, 1U);
 }
 
 TEST(RealDrivesTest, AMoveBeyondTheSoftwareLimitsIsRefused) {

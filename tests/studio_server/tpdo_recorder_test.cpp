@@ -42,7 +42,7 @@ class TpdoRecorderTest : public testing::Test {
   std::shared_ptr<BusSamples> sample(std::size_t drive, const Sampling& sampling) {
     begin_ = now() / 16 * 16 + 16;
     auto samples = std::make_shared<BusSamples>(drive, position, number_of, sampling, 16, begin_);
-    sampling.by == Sampling::By::cycle ? cycle_.add(samples) : heard_.add(samples);
+    sampling.by == Sampling::By::cycle ? cycle_.add({&samples, 1}) : heard_.add(samples);
     return samples;
   }
   std::int64_t now() const { return (rig_.line.now() - start_) / 62'500ns; }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <fmt/format.h>
+#include <limits>
 
 #include "axis/cia402_words.hpp"
 #include "catalogue/product.hpp"
@@ -14,6 +15,13 @@ namespace {
 
 // Fraction of the velocity limit over which the torque falls linearly to 0.
 constexpr double torque_taper = 0.1;
+
+// The nearest value of a target object; the drive would take a number beyond its type as one of the other sign.
+template <typename Target>
+Target nearest(double value) {
+  using Range = std::numeric_limits<Target>;
+  return static_cast<Target>(std::lround(std::clamp<double>(value, Range::min(), Range::max())));
+}
 
 double seconds(Time time) { return std::chrono::duration<double>(time).count(); }
 
@@ -356,11 +364,10 @@ void MotionAxis::write_targets() {
     // Until the drive has left velocity mode, it keeps its velocity.
     const bool runs = task_ == Task::velocity || mode_is(OperationMode::cyclic_synchronous_velocity);
     const double velocity = runs ? set_point().velocity * options_.velocity_scale : 0.0;
-    axis_.set_target_velocity(static_cast<std::int32_t>(std::lround(velocity)));
+    axis_.set_target_velocity(nearest<std::int32_t>(velocity));
   }
   if (axis_.can_command(OperationMode::cyclic_synchronous_torque)) {
-    axis_.set_target_torque(task_ == Task::torque ? static_cast<std::int16_t>(std::lround(limited_torque()))
-                                                  : std::int16_t{0});
+    axis_.set_target_torque(task_ == Task::torque ? nearest<std::int16_t>(limited_torque()) : std::int16_t{0});
   }
 }
 

@@ -70,6 +70,20 @@ struct Place {
                  fmt::format("{} takes {}", describe::word(object.entry.type), expected)};
 }
 
+// The value cannot be sent. The range of the drive may be narrower; the drive itself checks it.
+[[noreturn]] void outside_type(const Place& object, AbortCode abort) {
+  const Type type = object.entry.type;
+  std::string lowest = fmt::format("{}", dictionary::minimum_of(type));
+  std::string highest = fmt::format("{}", dictionary::maximum_of(type));
+  if (type == Type::unsigned64) highest = fmt::format("{}", std::numeric_limits<std::uint64_t>::max());
+  if (type == Type::real32) {
+    highest = fmt::format("{:g}", std::numeric_limits<float>::max());
+    lowest = "-" + highest;
+  }
+  throw ApiError{422, fmt::format("the value is outside {}, {} .. {}", describe::word(type), lowest, highest),
+                 object.where, "give a value of the object's type", abort};
+}
+
 using Bytes = std::vector<std::byte>;
 
 Bytes bytes_of_hex(const Place& object, const std::string& text) {
@@ -89,7 +103,7 @@ Bytes bytes_of_number(const Place& object, const Json& value) {
     if (!value.is_number()) wrong_value(object, "a number");
     const double number = value.get<double>();
     if (std::abs(number) > static_cast<double>(std::numeric_limits<float>::max())) {
-      refuse_access(number > 0 ? AbortCode::value_too_high : AbortCode::value_too_low, object.where);
+      outside_type(object, number > 0 ? AbortCode::value_too_high : AbortCode::value_too_low);
     }
     const auto raw = dictionary::encode_number(std::bit_cast<std::int32_t>(static_cast<float>(number)));
     return {raw.begin(), raw.begin() + 4};
@@ -97,19 +111,18 @@ Bytes bytes_of_number(const Place& object, const Json& value) {
   if (!value.is_number_integer() && !(value.is_boolean() && entry.type == Type::boolean)) {
     wrong_value(object, "an integer");
   }
-  // Refuses values that do not fit the type, because they cannot be sent. The drive itself checks its range.
   std::uint64_t raw_number = 0;
   if (value.is_number_unsigned()) {
     raw_number = value.get<std::uint64_t>();
     const bool any = entry.type == Type::unsigned64;
     if (!any && raw_number > static_cast<std::uint64_t>(dictionary::maximum_of(entry.type))) {
-      refuse_access(AbortCode::value_too_high, object.where);
+      outside_type(object, AbortCode::value_too_high);
     }
   } else if (value.is_boolean()) {
     raw_number = value.get<bool>() ? 1 : 0;
   } else {
     const auto number = value.get<std::int64_t>();
-    if (number < dictionary::minimum_of(entry.type)) refuse_access(AbortCode::value_too_low, object.where);
+    if (number < dictionary::minimum_of(entry.type)) outside_type(object, AbortCode::value_too_low);
     raw_number = static_cast<std::uint64_t>(number);
   }
   const auto raw = dictionary::encode_number(static_cast<std::int64_t>(raw_number));

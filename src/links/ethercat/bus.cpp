@@ -41,6 +41,11 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
   passage.length = frame.size();
   if (blow.drop_answer) passage.exit = Exit::lost;
   if (interposer_ != nullptr && passage.exit != Exit::lost) return_interposed(passage, frame, encapsulation);
+  if (!kept_.empty()) {
+    behind_ = std::exchange(kept_, {});
+    behind_.insert(behind_.end(), passage.behind.begin(), passage.behind.end());
+    passage.behind = behind_;
+  }
   count(passage);
   if (passage.exit != Exit::lost) {
     for (EthercatObserver* observer : observers_) {

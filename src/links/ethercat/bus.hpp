@@ -64,8 +64,7 @@ class EthercatBus {
   struct Passage : ethercat::Segment::Passage {
     Time delay{};            // added to `leaves` by a disturbance or an interposer
     std::size_t length = 0;  // bytes that come back
-    // Frames of an interposer that come back behind this one, also if it is lost. They stay in place until the next
-    // frame.
+    // Other frames that come back behind this one, also if it is lost. They stay in place until the next frame.
     std::span<const std::vector<std::uint8_t>> behind{};
   };
 
@@ -113,6 +112,8 @@ class EthercatBus {
 
   // The interposer sees every frame from now on; nullptr: none. It must outlive the bus or be removed.
   void interpose(EthercatInterposer* interposer) { interposer_ = interposer; }
+  // Lets a frame that an interposer has kept come back behind the next frame that is sent.
+  void bring_back(std::vector<std::uint8_t> frame) { kept_.push_back(std::move(frame)); }
 
   const EthercatCounters& counters() const { return counters_; }
 
@@ -139,6 +140,8 @@ class EthercatBus {
   ethercat::Esc absent_{{}};  // in place of a detached station's controller
   std::vector<EthercatObserver*> observers_;
   EthercatInterposer* interposer_ = nullptr;
+  std::vector<std::vector<std::uint8_t>> kept_;    // by interposers, until the next frame
+  std::vector<std::vector<std::uint8_t>> behind_;  // of the last frame, if some were kept
   std::optional<EthercatDisturbance> disturbance_;
   std::uint32_t disturbed_frames_ = 0;
   DisturbanceGenerator drop_draws_{0};

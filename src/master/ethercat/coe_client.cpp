@@ -102,6 +102,20 @@ Mail CoeClient::ask(std::span<const std::uint8_t> request, ObjectAddress object,
 }
 
 std::vector<std::byte> CoeClient::upload(ObjectAddress object, bool complete) {
+  try {
+    return upload_once(object, complete);
+  } catch (const CoeError& error) {
+    if (error.from_slave() || error.code() != AbortCode::protocol_timed_out) throw;
+    try {
+      return upload_once(object, complete);
+    } catch (const EthercatError& of_mailbox) {
+      if (of_mailbox.kind() != EthercatError::Kind::no_answer) throw;
+    }
+    throw;  // the slave has not even read the first request
+  }
+}
+
+std::vector<std::byte> CoeClient::upload_once(ObjectAddress object, bool complete) {
   const auto command = static_cast<std::uint8_t>(initiate_upload | (complete ? complete_bit : 0U));
   const Mail first = ask(request_of(command, object), object, true, initiate_upload_answer);
   std::vector<std::byte> data;

@@ -57,7 +57,8 @@ class CoeClient {
  public:
   CoeClient(MailboxClient& mailbox, Time timeout = std::chrono::seconds(1)) : mailbox_(mailbox), timeout_(timeout) {}
 
-  // The size determines the transfer: expedited, normal or segmented.
+  // The size determines the transfer: expedited, normal or segmented. An upload without an answer is repeated once; a
+  // download is not, because it may have taken effect.
   std::vector<std::byte> upload(ObjectAddress object) { return upload(object, false); }
   void download(ObjectAddress object, std::span<const std::byte> data) { download(object, data, false); }
   // Complete access: all entries in one transfer, from sub-index 0 (as two bytes) or from 1. BOOLEANs are packed as
@@ -94,6 +95,7 @@ class CoeClient {
 
  private:
   std::vector<std::byte> upload(ObjectAddress object, bool complete);
+  std::vector<std::byte> upload_once(ObjectAddress object, bool complete);
   void download(ObjectAddress object, std::span<const std::byte> data, bool complete);
   Mail ask(std::span<const std::uint8_t> sdo, ObjectAddress object, bool is_upload, std::uint8_t expected);
   Mail ask_information(std::span<const std::uint8_t> request, std::uint16_t index);

@@ -12,6 +12,7 @@ namespace {
 // next SYNC0, and the frame after that returns the inputs; plus one cycle for a lost frame.
 constexpr int cycles_to_act = 4;
 
+constexpr ObjectAddress controlword{0x6040, 0};
 constexpr ObjectAddress statusword{0x6041, 0};
 constexpr ObjectAddress position{0x6064, 0};
 
@@ -35,7 +36,7 @@ bool CoeObjects::differs(ObjectAddress object, std::uint32_t mask, std::int64_t 
       if (error.from_slave()) return false;
       throw;
     }
-    wait(cycles_to_act * exchange_->period());  // a fresh input shows the present value at the latest then
+    wait(cycles_to_act * exchange_->period());  // until then the answer can be newer than the inputs
     if (inputs_have_changed() || !exchange_->inputs_are_fresh()) return false;
     const std::int64_t difference = std::int64_t{present} - kept;
     if (((static_cast<std::uint32_t>(present) ^ static_cast<std::uint32_t>(kept)) & mask) == 0 &&
@@ -55,7 +56,6 @@ void CoeObjects::watch_inputs() {
     return;
   }
   if (compared_ || now() - unchanged_since_ < longest_unchanged) return;
-  compared_ = true;
   constexpr std::uint32_t state_and_target_reached = 0x046F;
   constexpr std::int64_t any = std::int64_t{1} << 32;
   constexpr std::int64_t encoder_noise = 10;
@@ -67,7 +67,12 @@ void CoeObjects::watch_inputs() {
   const auto unchanged = std::chrono::duration<double>(longest_unchanged).count();
   try {
     inputs_are_stale_ = differs(statusword, state_and_target_reached, any) || differs(position, 0, encoder_noise);
-  } catch (const CoeError& error) {
+    compared_ = exchange_->inputs_are_fresh();
+    unchanged_since_ = now();
+  } catch (const MasterError& error) {
+    exchange_->check(member_);
+    if (inputs_have_changed()) return;
+    unchanged_since_ = now();  // until the next comparison the caller can read the state, to stop the axis
     fail(fmt::format("the inputs have not changed for {:g} s, and {}", unchanged, error.happened()));
   }
   if (inputs_are_stale_) {
@@ -77,13 +82,20 @@ void CoeObjects::watch_inputs() {
 }
 
 std::vector<std::byte> CoeObjects::upload(ObjectAddress object) {
+  const auto bytes_of = [](const ProcessObject& mapped) {
+    const std::uint64_t value = mapped.raw();
+    const auto bytes = std::as_bytes(std::span(&value, 1)).first(mapped.bits() / 8);
+    return std::vector<std::byte>(bytes.begin(), bytes.end());
+  };
+  // The drive acts by the controlword of the last cycle, whoever writes another one. So a stop needs no mailbox.
+  if (exchanges() && object == controlword) {
+    if (const auto output = exchange_->output(member_, object)) return bytes_of(*output);
+  }
   if (exchanges() && !inputs_are_stale_) {
     if (const auto input = exchange_->input(member_, object); input && input->bits() % 8 == 0) {
       exchange_->check(member_);
       watch_inputs();
-      const std::uint64_t value = input->raw();
-      const auto bytes = std::as_bytes(std::span(&value, 1)).first(input->bits() / 8);
-      return {bytes.begin(), bytes.end()};
+      return bytes_of(*input);
     }
   }
   return slave_.coe().upload(object);
@@ -100,7 +112,7 @@ void CoeObjects::download(ObjectAddress object, std::span<const std::byte> data)
       std::memcpy(&value, data.data(), std::min(data.size(), sizeof value));
       output->set_raw(value);
       const Time written = now();
-      unchanged_since_ = written;
+      if (compared_) unchanged_since_ = written;
       compared_ = false;
       wait(cycles_to_act * exchange_->period());
       while (exchange_->processed(member_) <= written) wait(exchange_->period());  // throws if the slave is lost

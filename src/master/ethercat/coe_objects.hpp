@@ -11,7 +11,8 @@ namespace servodrome::master {
 // A slave whose application hangs still exchanges process data with a right working counter, and its inputs keep their
 // values. So if the inputs do not change for `longest_unchanged`, upload() compares statusword and position with their
 // values by SDO. If they differ, or the SDO gets no answer, it throws EthercatError. After a difference, objects are
-// read by SDO only, so that the caller can still stop the axis.
+// read by SDO only, so that the caller can still stop the axis. For the same reason the inputs are used for
+// `longest_unchanged` again after an SDO without an answer; then they are compared again.
 class CoeObjects final : public ObjectClient {
  public:
   static constexpr Time longest_unchanged = std::chrono::milliseconds(500);
@@ -46,8 +47,10 @@ class CoeObjects final : public ObjectClient {
   CyclicExchange* exchange_ = nullptr;
   std::size_t member_ = 0;
   std::vector<std::uint8_t> inputs_;  // as the last upload() found them
-  Time unchanged_since_{};            // time of the last change of an input, or of the last write of an output
-  bool compared_ = false;             // by SDO, since then
+  // Time of the last change of an input or, if it is later, of the last comparison or the first write of an output
+  // after a comparison.
+  Time unchanged_since_{};
+  bool compared_ = false;  // by SDO, with fresh inputs, since the last change of an input or write of an output
   bool inputs_are_stale_ = false;
 };
 

@@ -40,7 +40,9 @@ void DistributedClocks::latch() {
     // The receive time of a port is valid only if a slave follows there.
     const auto dl_status = master_.read<std::uint16_t>(clock.station, reg::dl_status);
     const bool continues = (dl_status & 0x0020) != 0;  // link at port 1
-    clock.behind_sum += continues ? std::int64_t{load<std::int32_t>(&times[4])} - load<std::int32_t>(times.data()) : 0;
+    // The receive times wrap around at 32 bits.
+    const std::uint32_t behind = load_u32(&times[4]) - load_u32(times.data());
+    clock.behind_sum += continues ? static_cast<std::int32_t>(behind) : 0;
     constexpr std::size_t processing_unit = reg::receive_time_processing_unit - reg::receive_time_port;
     clock.local = load<std::uint64_t>(&times[processing_unit]);
   }

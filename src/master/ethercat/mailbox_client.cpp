@@ -14,6 +14,7 @@ namespace {
 
 constexpr Time mailbox_poll_interval = std::chrono::microseconds(250);
 constexpr std::size_t kept_emergencies = 64;
+constexpr std::size_t most_drained = kept_emergencies;  // at once: a slave may send emergencies without end
 
 // Registers of sync manager n, and their bits (ETG.1000.4 table 58).
 constexpr std::uint16_t sync_manager(unsigned n) { return static_cast<std::uint16_t>(reg::sync_manager + 8 * n); }
@@ -145,8 +146,8 @@ std::optional<Mail> MailboxClient::receive(MailboxType type, Time timeout,
                                            const std::function<bool(const Mail&)>& wanted) {
   const Time deadline = master_.now() + timeout;
   while (true) {
-    if (auto letter = fetch()) {
-      if (keep_emergency(*letter)) continue;
+    auto letter = fetch();
+    if (letter && !keep_emergency(*letter)) {
       if (letter->type == MailboxType::error && letter->mail.size() >= 4) {
         const auto code = static_cast<ethercat::MailboxError>(load_u16(&letter->mail[2]));
         throw EthercatError(EthercatError::Kind::refused,
@@ -157,10 +158,9 @@ std::optional<Mail> MailboxClient::receive(MailboxType type, Time timeout,
         is_empty_ = !was_repeated_;
         return std::move(letter->mail);
       }
-      continue;
     }
     if (master_.now() >= deadline) return std::nullopt;
-    master_.wait(mailbox_poll_interval);
+    if (!letter) master_.wait(mailbox_poll_interval);
   }
 }
 
@@ -173,7 +173,11 @@ Mail MailboxClient::ask(MailboxType type, std::span<const std::uint8_t> request,
 }
 
 void MailboxClient::drain() {
-  while (const auto letter = fetch()) keep_emergency(*letter);
+  for (std::size_t mails = 0; mails < most_drained; ++mails) {
+    const auto letter = fetch();
+    if (!letter) return;
+    keep_emergency(*letter);
+  }
 }
 
 }  // namespace servodrome::master
