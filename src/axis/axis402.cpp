@@ -220,6 +220,12 @@ Time Axis402::time_to_obey() const {
                                                     : options_.state_timeout;
 }
 
+Time Axis402::brake_delay() {
+  const auto& delay = product().dialect.brake_delay;
+  if (!delay) return {};
+  return std::chrono::milliseconds(objects_.read_if_present<std::uint16_t>(delay->index, delay->sub).value_or(0));
+}
+
 void Axis402::disable() {
   const PowerState present = or_send(command_word::disable_voltage, [this] { return state(); });
   if (present == PowerState::fault || present == PowerState::fault_reaction_active ||
@@ -229,7 +235,7 @@ void Axis402::disable() {
   const Restored rest(comes_to_rest_, true);
   halted_ = false;
   write_controlword(command_word::disable_voltage);
-  wait_for_state({PowerState::switch_on_disabled}, "switch off", time_to_obey());
+  wait_for_state({PowerState::switch_on_disabled}, "switch off", time_to_obey() + brake_delay());
   take_back_targets();
 }
 

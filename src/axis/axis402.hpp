@@ -43,7 +43,7 @@ class Cancelled : public MasterError {
 };
 
 struct AxisOptions {
-  Time state_timeout = std::chrono::seconds(2);       // for each state transition, mode change and handshake
+  Time state_timeout = std::chrono::seconds(2);       // per transition (plus brake_delay()), mode change, handshake
   Time enable_timeout = std::chrono::seconds(5);      // for each step of enabling: precharge, brake
   Time reset_timeout = std::chrono::seconds(2);       // for a fault reset, from the edge of the controlword's bit
   Time poll_interval = std::chrono::milliseconds(5);  // between two reads of the statusword
@@ -153,6 +153,8 @@ class Axis402 {
   // disable() and quick_stop() also clear the targets of an axis that is off already, for example after a fault.
   void disable();
   void quick_stop();  // returns when the quick stop is active or over and the axis is at standstill; clears the targets
+  // The time in which the drive closes its brake before it switches off (Dialect::brake_delay).
+  Time brake_delay();
   // Writes 0 into every velocity and torque target that the drive has; a write that the drive refuses is ignored.
   void take_back_targets();
   // The same for an axis that is off already: writes only targets that are not 0, and ignores every error that the

@@ -129,6 +129,23 @@ TEST_P(StopSequences, ACancelledMotionEndsInTwoSecondsThoughTheStatuswordStands)
   }
 }
 
+// The drive stays in operation enabled until its brake has closed.
+TEST(StopSequencesWithABrake, DisablingLastsUntilTheBrakeHasClosed) {
+  for (const bool is_cancelled : {false, true}) {
+    AxisRig rig{{"ismk"}};
+    rig.objects().write<std::uint16_t>(0x6410, 0x12, 4'000);
+    rig.objects().write<std::uint8_t>(0x6410, 0x17, 1);
+    bool cancels = false;
+    AxisOptions options = rig.options();
+    options.cancelled = [&cancels] { return cancels; };
+    Axis402 axis(rig.objects(), options);
+    axis.enable();
+    cancels = is_cancelled;
+    EXPECT_EQ(problem_of([&axis] { axis.disable(); }), "");
+    EXPECT_EQ(axis.state(), PowerState::switch_on_disabled);
+  }
+}
+
 // To switch off in the middle of a quick stop would let the axis coast, which takes much longer than its ramp here.
 TEST_P(StopSequences, AQuickStopOfAnotherIsNotCutOff) {
   const auto ramp = static_cast<std::uint32_t>(4 * slow_ramp * units.acceleration);
