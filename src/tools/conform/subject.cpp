@@ -188,9 +188,7 @@ void Subject::end_watch() {
 }
 
 Time Subject::patience_of_power() {
-  const auto& delay = settings_.product->dialect.brake_delay;
-  const std::uint16_t ms = delay ? kept_.read_if_present<std::uint16_t>(delay->index, delay->sub).value_or(0) : 0;
-  return settings_.patience + std::chrono::milliseconds(ms);
+  return settings_.patience + Axis402(kept_, {.product = settings_.product}).brake_delay();
 }
 
 PositionRange Subject::position_range() {
@@ -334,6 +332,7 @@ std::vector<std::string> Subject::settle() {
       is_off_ = true;
     } catch (const MasterError& error) {
       failure = error.what();
+      leave_operation();  // by its mailbox the drive can be switched off without process data
       is_lost_ = !answers();
     }
   }

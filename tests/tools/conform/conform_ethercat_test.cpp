@@ -216,6 +216,31 @@ TEST(ConformEthercat, ARepeatedCheckReportsOnlyWhatItLeaves) {
   }
 }
 
+// The working counters of process data are wrong while the slave stays in OP and its mailbox works.
+TEST(ConformEthercat, AGapOfTheProcessDataDoesNotEndTheRun) {
+  for (const int cycles : {20, 50, 100'000}) {
+    EthercatRig rig("ismk-ea");
+    const dictionary::Dictionary& objects = rig.line.axes()[0]->device().dictionary();
+    bool is_gap = false;
+    int left = cycles;
+    rig.from_drive = [&](std::span<std::uint8_t> content) {
+      is_gap = is_gap || (objects.number(0x6041, 0) & 0x6F) == 0x27;
+      each_datagram(content, [&](const Seen& seen) {
+        if (!is_gap || seen.command != lrw || left == 0) return;
+        --left;
+        seen.counter[0] = 0;
+      });
+    };
+    const Report report = rig.run({.only = {"pv.halt"}});
+    EXPECT_TRUE(is_gap);
+    EXPECT_EQ(report.count(Verdict::fail), 1U) << cycles;
+    EXPECT_TRUE(report.at_rest) << cycles;
+    EXPECT_THAT(report.problems, testing::IsEmpty()) << cycles;
+    EXPECT_EQ(objects.number(0x6041, 0) & 0x4F, 0x40) << cycles;
+    EXPECT_EQ(objects.number(0x6007, 0), 0) << cycles;
+  }
+}
+
 struct Defect {
   const char* name;
   const char* check;
