@@ -246,6 +246,33 @@ times = 2
   }
 }
 
+TEST(EthercatFrameRules, AFrameBehindALostOneComesBackNotInThePast) {
+  struct Returns final : links::EthercatObserver {
+    void on_frame(std::span<const std::uint8_t>, ethercat::Segment::Encapsulation, Direction direction,
+                  Time at) override {
+      if (direction == Direction::out) times.push_back(at);
+    }
+    std::vector<Time> times;
+  };
+  SegmentUnderRules segment(R"(
+[[rule]]
+on = { message = "frame" }
+do = "delay"
+frames = 9
+times = 1
+)");
+  segment.send({{Command::brd, 0}}, 1);
+  segment.director.finish();
+  segment.bus().disturb({.drop = 1.0});
+  Returns returns;
+  segment.bus().add_observer(returns);
+  const Time sent = segment.line.now();
+  segment.send({{Command::brd, 0}}, 2);
+  segment.bus().remove_observer(returns);
+  EXPECT_EQ(segment.receive().at(0).index, 1);
+  EXPECT_THAT(returns.times, ElementsAre(testing::Ge(sent)));
+}
+
 TEST(EthercatFrameRules, AllFramesComeBackOneFrameLate) {
   SegmentUnderRules segment(R"(
 [[rule]]

@@ -79,7 +79,6 @@ TEST(StandardExpectations, AFirstSetPointAtTheShaftIsNone) {
   EXPECT_EQ(stage.verdict(set_point).outcome, Outcome::passed);
 }
 
-// The drive does not follow a target in 607Ah that was not sent in this mode.
 // The axis still goes to a far set-point, with bit 7 set, when another scenario begins.
 TEST(StandardExpectations, WhatHappenedBeforeTheTrialIsNotJudged) {
   StandardStage stage;
@@ -98,6 +97,7 @@ TEST(StandardExpectations, WhatHappenedBeforeTheTrialIsNotJudged) {
   }
 }
 
+// The drive does not follow a target in 607Ah that was not sent in this mode.
 TEST(StandardExpectations, AnEnabledAxisWithoutASetPointDoesNotJump) {
   StandardStage stage;
   stage.write(0x607A, 500'000, 4);

@@ -45,6 +45,7 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
     behind_ = std::exchange(kept_, {});
     behind_.insert(behind_.end(), passage.behind.begin(), passage.behind.end());
     passage.behind = behind_;
+    passage.leaves = std::max(passage.leaves, at);  // a lost frame has no time
   }
   count(passage);
   if (passage.exit != Exit::lost) {
