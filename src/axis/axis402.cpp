@@ -214,8 +214,7 @@ void Axis402::enable() {
 }
 
 // A command that is cancelled must end soon, also if the drive never shows that it has obeyed.
-Time Axis402::time_to_obey() const {
-  constexpr Time when_cancelled = std::chrono::milliseconds(300);
+Time Axis402::time_to_obey(Time when_cancelled) const {
   return options_.cancelled && options_.cancelled() ? std::min(when_cancelled, options_.state_timeout)
                                                     : options_.state_timeout;
 }
@@ -229,7 +228,9 @@ void Axis402::disable() {
   const Restored rest(comes_to_rest_, true);
   halted_ = false;
   write_controlword(command_word::disable_voltage);
-  wait_for_state({PowerState::switch_on_disabled}, "switch off", time_to_obey());
+  // A drive may show the old state until its brake is closed.
+  constexpr Time with_brake = std::chrono::milliseconds(500);
+  wait_for_state({PowerState::switch_on_disabled}, "switch off", time_to_obey(with_brake));
   take_back_targets();
 }
 
@@ -242,7 +243,8 @@ void Axis402::quick_stop() {
   const Restored rest(comes_to_rest_, true);
   halted_ = false;
   if (present == PowerState::operation_enabled) write_controlword(command_word::quick_stop);
-  wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop", time_to_obey());
+  wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop",
+                 time_to_obey(std::chrono::milliseconds(300)));
   take_back_targets();
   wait_for_standstill();
   rests_within(options_.state_timeout);

@@ -55,7 +55,7 @@ struct AxisOptions {
   // last as long as the axis keeps slowing down.
   std::optional<Time> longest_halt{};
   // Cancellation callback, called at each poll of every wait; true ends the wait: the axis is halted first, then the
-  // call throws Cancelled. stop(), disable() and quick_stop() do not call it, because they bring the axis to rest.
+  // call throws Cancelled. It does not end stop(), disable() and quick_stop(), because they bring the axis to rest.
   std::function<bool()> cancelled{};
 };
 
@@ -282,8 +282,9 @@ class Axis402 {
       throw;
     }
   }
-  // The time in which a quick stop or the disabling must show in the statusword.
-  Time time_to_obey() const;
+  // The time in which a quick stop or the disabling must show in the statusword; at most `when_cancelled` after a
+  // cancellation.
+  Time time_to_obey(Time when_cancelled) const;
   bool is_to_operate();
   std::uint16_t present_controlword();
   OperationMode command_halt();
@@ -337,6 +338,7 @@ class Axis402 {
   Time next_look_{};
   std::optional<std::int64_t> closest_{};  // least distance to the goal while the drive shows it as reached
   Time closest_at_{};
+  Time crept_at_{};                     // has_crept() was true
   std::optional<std::int64_t> near_{};  // for tolerance()
   bool has_position_ = true;
   bool has_increments_ = true;  // 6063h

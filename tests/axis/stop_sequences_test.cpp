@@ -129,6 +129,22 @@ TEST_P(StopSequences, ACancelledMotionEndsInTwoSecondsThoughTheStatuswordStands)
   }
 }
 
+// The drive shows operation enabled until its brake is closed.
+TEST(CancelledAxis, IsSwitchedOffWhenTheBrakeIsClosed) {
+  AxisRig rig({"ismk"});
+  bool is_cancelled = false;
+  AxisOptions options = rig.options();
+  options.cancelled = [&] { return is_cancelled; };
+  Axis402 axis(rig.objects(), options);
+  rig.objects().write<std::uint8_t>(0x6410, 0x17, 1);
+  rig.objects().write<std::uint16_t>(0x6410, 0x12, 400);  // ms
+  axis.enable();
+  rig.objects().wait(1s);
+  is_cancelled = true;
+  EXPECT_EQ(axis.try_to_switch_off(), "");
+  EXPECT_FALSE(rig.drive().device().drive().energised());
+}
+
 // To switch off in the middle of a quick stop would let the axis coast, which takes much longer than its ramp here.
 TEST_P(StopSequences, AQuickStopOfAnotherIsNotCutOff) {
   const auto ramp = static_cast<std::uint32_t>(4 * slow_ramp * units.acceleration);
