@@ -55,7 +55,7 @@ struct AxisOptions {
   // last as long as the axis keeps slowing down.
   std::optional<Time> longest_halt{};
   // Cancellation callback, called at each poll of every wait; true ends the wait: the axis is halted first, then the
-  // call throws Cancelled. stop(), disable() and quick_stop() do not call it, because they bring the axis to rest.
+  // call throws Cancelled. It does not end stop(), disable() and quick_stop(), because they bring the axis to rest.
   std::function<bool()> cancelled{};
 };
 
@@ -339,6 +339,7 @@ class Axis402 {
   Time next_look_{};
   std::optional<std::int64_t> closest_{};  // least distance to the goal while the drive shows it as reached
   Time closest_at_{};
+  Time crept_at_{};                     // has_crept() was true
   std::optional<std::int64_t> near_{};  // for tolerance()
   bool has_position_ = true;
   bool has_increments_ = true;  // 6063h

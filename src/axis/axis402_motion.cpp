@@ -215,7 +215,7 @@ bool Axis402::stands() {
     stands_since_ = now;
     increments_.reset();
   } else if (now - stands_since_ >= standing && has_crept()) {
-    stands_since_ = now;
+    stands_since_ = crept_at_ = now;
   }
   return now - stands_since_ >= standing;
 }
@@ -283,10 +283,13 @@ bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
     const std::int32_t at = position();
     const std::int64_t distance = std::abs(std::int64_t{*goal_} - at);
     if (distance <= tolerance()) return true;
-    if (!closest_ || distance <= *closest_) {
+    if (!closest_ || distance < *closest_) {
       closest_ = distance;
       closest_at_ = objects_.now();
-    } else if (objects_.now() - closest_at_ >= options_.progress_timeout) {
+    }
+    const bool may_creep = distance <= *closest_ + 1;  // within a coarse unit; a drift away is no progress
+    const Time progress_at = may_creep ? std::max(closest_at_, crept_at_) : closest_at_;
+    if (objects_.now() - progress_at >= options_.progress_timeout) {
       const std::string problem = try_to_stop();
       fail(fmt::format("{}: the drive shows the target as reached, but the position is {} and does not come nearer{}",
                        doing, at, problem.empty() ? "" : "; " + problem),

@@ -182,8 +182,8 @@ std::int64_t RealDrives::take_samples(std::int64_t end) {
   advanced_ = std::min(end, advanced_ + finest * most_rows);
   for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
     if (sampled_[bus].empty()) continue;
-    const auto held = buses_[bus]->cycle().between_cycles();
     const DriveBus::State state = buses_[bus]->state();
+    const auto held = buses_[bus]->cycle().between_cycles();
     for (const auto& [key, its] : sampled_[bus]) {
       if (const auto samples = its.lock()) samples->advance(advanced_, !state.drives[samples->drive()].problem);
     }

@@ -1,6 +1,7 @@
 // A motion that makes no progress ends before its timeout, with the reason and the axis disabled.
 #include <cstring>
 #include <gmock/gmock.h>
+#include <random>
 
 #include "axis/cia402_words.hpp"
 #include "axis/quick_motions.hpp"
@@ -31,6 +32,7 @@ class Shown final : public ObjectClient {
       std::int32_t position = 0;
       std::memcpy(&position, bytes.data(), sizeof position);
       position += static_cast<std::int32_t>(drift_per_s * std::chrono::duration<double>(now()).count());
+      position += offset + (noise > 0 ? static_cast<std::int32_t>(random_() % noise) : 0);
       position /= counts_per_unit;
       std::memcpy(bytes.data(), &position, sizeof position);
     }
@@ -47,9 +49,12 @@ class Shown final : public ObjectClient {
   bool is_frozen = false;
   double drift_per_s = 0.0;
   std::int32_t counts_per_unit = 1;
+  std::int32_t offset = 0;
+  unsigned noise = 0;  // counts
 
  private:
   ObjectClient& drive_;
+  std::minstd_rand random_;
   std::optional<std::vector<std::byte>> frozen_;
 };
 
@@ -85,6 +90,19 @@ TEST_F(NoProgress, EndsAMoveThatTheDriveShowsAsReachedElsewhere) {
   EXPECT_THAT(problem_of([&] { axis.move_to(0, quick, 60s); }), HasSubstr("the drive shows the target as reached"));
   EXPECT_LT(objects.now() - begun, 10s);
   EXPECT_EQ(axis.try_to_switch_off(), "");
+}
+
+// The nearest of the noisy positions comes again and again.
+TEST_F(NoProgress, EndsAMoveShownAsReachedElsewhereThoughThePositionIsNoisy) {
+  axis.enable();
+  axis.home(to_index, 10s);
+  axis.move_to(0, quick, 10s);
+  objects.wait(1s);
+  objects.noise = 10;
+  objects.offset = revolution;
+  const Time begun = objects.now();
+  EXPECT_THAT(problem_of([&] { axis.move_to(0, quick, 60s); }), HasSubstr("does not come nearer"));
+  EXPECT_LT(objects.now() - begun, 10s);
 }
 
 // The drive shows the target as reached from the beginning, and takes 10 s to get there.
