@@ -16,6 +16,9 @@ constexpr double endless = std::numeric_limits<double>::infinity();
 
 struct LimitedAxis : testing::Test {
   LimitedAxis() {
+    static constexpr FaultRow rows[] = {
+        {Cause::position_limit, 0x8612, 0x20, Reaction::option_code, ResetRule::when_cause_gone, "position limit"}};
+    policy.faults.rows = rows;
     axis.loops = &loops;
     axis.units.counts_per_revolution = 6000.0;  // 1 rpm is 100 counts/s
     objects.min_position_limit = -1000;

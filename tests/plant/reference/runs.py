@@ -1,11 +1,15 @@
 """A run of the machine, tick by tick: through the reference and through the plant. Both return the same columns."""
 
+import functools
+import hashlib
 import os
 import pathlib
+import pickle
 import subprocess
 from dataclasses import dataclass, field
 
 import numpy
+import scipy
 from bare_machine import BARE_MACHINE
 from machine import Machine
 from scipy.integrate import solve_ivp
@@ -37,6 +41,7 @@ from state import (
 PROGRAM = os.environ.get("PLANT_TRACE") or str(
     pathlib.Path(__file__).parents[3] / "build/release/tests/plant/reference/plant_trace"
 )
+CACHE = pathlib.Path(__file__).parents[3] / "build/reference"
 RPM = 30.0 / numpy.pi
 
 
@@ -97,8 +102,27 @@ def plant_trace(run):
 
 
 def reference_trace(run, halvings=0):
-    """Runs the reference, or the same with its steps halved this number of times (its method is of order 8)."""
-    return Simulation(run, halvings).trace()
+    """Runs the reference, or the same with its steps halved this number of times (its method is of order 8).
+
+    The trace is cached in build/reference until the source of the reference or the run changes.
+    """
+    key = hashlib.sha256(source())
+    key.update(pickle.dumps((run.parameters, run.holds, run.every, run.longest_step_ticks, halvings)))
+    cached = CACHE / key.hexdigest()
+    if cached.exists():
+        return pickle.loads(cached.read_bytes())
+    trace = Simulation(run, halvings).trace()
+    CACHE.mkdir(parents=True, exist_ok=True)
+    unfinished = cached.with_suffix(f".{os.getpid()}")
+    unfinished.write_bytes(pickle.dumps(trace))
+    unfinished.replace(cached)
+    return trace
+
+
+@functools.cache
+def source():
+    files = sorted(pathlib.Path(__file__).parent.glob("*.py"))
+    return b"".join([numpy.__version__.encode(), scipy.__version__.encode(), *(file.read_bytes() for file in files)])
 
 
 class Simulation:
