@@ -53,6 +53,9 @@ def pytest_runtest_makereport(item, call):
     yield
 
 
+LONGEST = {"test_tune", "test_foreign_modbus", "test_broken_commands", "test_trial", "test_studio_process_data"}
+
+
 def pytest_collection_modifyitems(config, items):
     keep, drop = [], []
     for item in items:
@@ -65,7 +68,8 @@ def pytest_collection_modifyitems(config, items):
         if KIND == "memory":
             here = here and has_line and not item.get_closest_marker("program")
         (keep if here else drop).append(item)
-    items[:] = keep
+    # In parallel the longest tests run first, so that no process still has one when the others have ended.
+    items[:] = sorted(keep, key=lambda item: item.path.stem not in LONGEST)
     config.hook.pytest_deselected(items=drop)
 
 
