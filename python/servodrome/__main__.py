@@ -138,7 +138,8 @@ def main(arguments: Optional[List[str]] = None) -> int:
         print(f"servodrome: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("\nservodrome: interrupted; the same command goes on with the missing runs", file=sys.stderr)
+        rest = "; the same command goes on with the missing runs" if options.act is _run else ""
+        print(f"\nservodrome: interrupted{rest}", file=sys.stderr)
         return 130
 
 

@@ -106,7 +106,7 @@ std::string toml_of(const Result& result, const Motor& motor) {
   }
   const bool friction = result.of(coulomb_friction).value || result.of(viscous_friction).value;
   if (friction) {
-    keys.line("viscous_friction_nms", "0.0", "all of the inertia is assigned to the load");
+    keys.line("viscous_friction_nms", "0.0", "all of the friction is assigned to the load");
     keys.line("coulomb_friction_nm", "0.0", "the same");
   }
   keys.group("load");

@@ -43,6 +43,12 @@ def written(folder, plan):
 SMALL = 'line = "cell.toml"\nprogram = "program.py:figures"\nseeds = 5\n[parameters]\na = [1, 2]\n"axis.x.load.inertia_kgm2" = { from = 1e-5, to = 1e-3, count = 3, scale = "log" }\n'
 
 
+def test_values_of_a_parameter_are_in_order():
+    rows = [{"gain": gain, "outcome": "passed", "figure_x": 1.0} for gain in ["off", 100, 0.5, 1e-05, 10, 5]]
+    assert [value for value, *_ in report.spread(rows, "gain", "figure_x")] == [1e-05, 0.5, 5, 10, 100, "off"]
+    assert [value for value, *_ in report.rates(rows, "gain")] == [1e-05, 0.5, 5, 10, 100, "off"]
+
+
 def test_runs_are_all_combinations(tmp_path):
     plan = campaign.load_plan(written(tmp_path, SMALL))
     assert plan.size == 30

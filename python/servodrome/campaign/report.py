@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from html import escape
-from typing import Any, Dict, List, Sequence, Tuple
+from typing import Any, Dict, Iterable, List, Sequence, Tuple
 
 from .store import Store
 
@@ -14,23 +14,27 @@ _WIDTH, _HEIGHT, _MARGIN = 360, 200, 44  # pixels
 
 
 def rates(rows: Sequence[Dict[str, Any]], column: str) -> List[Tuple[Any, int, int]]:
-    """For each value of a column: the value, the runs that passed, all runs."""
+    """For each value of a column, numbers first: the value, the runs that passed, all runs."""
     counts: Dict[Any, List[int]] = {}
     for row in rows:
         count = counts.setdefault(row[column], [0, 0])
         count[0] += row["outcome"] == "passed"
         count[1] += 1
-    return [(value, passed, of) for value, (passed, of) in counts.items()]
+    return [(value, *counts[value]) for value in _ordered(counts)]
 
 
 def spread(rows: Sequence[Dict[str, Any]], parameter: str, figure: str) -> List[Tuple[Any, float, float, float]]:
-    """For each value of a parameter: the value, and least, mean and greatest of the figure."""
+    """For each value of a parameter, numbers first: the value, and least, mean and greatest of the figure."""
     groups: Dict[Any, List[float]] = {}
     for row in rows:
         value = row.get(figure)
         if value is not None and math.isfinite(value):
             groups.setdefault(row[parameter], []).append(value)
-    return [(key, min(values), sum(values) / len(values), max(values)) for key, values in sorted(groups.items(), key=str)]
+    return [(key, min(groups[key]), sum(groups[key]) / len(groups[key]), max(groups[key])) for key in _ordered(groups)]
+
+
+def _ordered(values: Iterable[Any]) -> List[Any]:
+    return sorted(values, key=lambda value: (0, value) if isinstance(value, (int, float)) else (1, str(value)))
 
 
 def figures_of(rows: Sequence[Dict[str, Any]]) -> List[str]:
