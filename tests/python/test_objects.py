@@ -92,20 +92,20 @@ def test_keys_out_of_range(x, key):
 
 
 @pytest.mark.parametrize(
-    "key, value, abort",
+    "key, value, abort, says",
     [
-        ("Statusword", 1, 0x06010002),  # read only
-        ("Target position", 2**40, 0x06090031),
-        ("Target position", -(2**40), 0x06090032),
-        ("Homing method", 99, 0x06090030),
+        ("Statusword", 1, 0x06010002, None),  # read only
+        ("Target position", 2**40, 0x06090031, "outside INTEGER32, -2147483648 .. 2147483647"),
+        ("Target position", -(2**40), 0x06090032, "outside INTEGER32, -2147483648 .. 2147483647"),
+        ("Homing method", 99, 0x06090030, None),
     ],
 )
-def test_refusals_have_the_abort_code(x, key, value, abort):
+def test_refusals_have_the_abort_code(x, key, value, abort, says):
     before = x.objects[key]
     with pytest.raises(servodrome.ObjectError) as caught:
         x.objects[key] = value
     assert caught.value.abort == abort
-    assert caught.value.abort_text in caught.value.what
+    assert (says or caught.value.abort_text) in caught.value.what
     assert not isinstance(caught.value, KeyError)
     assert x.objects[key] == before
 
