@@ -79,19 +79,19 @@ std::string product_name(const line::Product* product) {
   return product != nullptr ? std::string(product->name) : std::string();
 }
 
-std::vector<studio::DrivePlan> drives_on_can(const Named& named) {
+std::vector<DriveGroup::Member> drives_on_can(const Named& named) {
   const auto bus = open_bus(named.options);
   master::ScanOptions scan;
-  std::vector<studio::DrivePlan> drives;
+  std::vector<DriveGroup::Member> drives;
   const std::vector<master::FoundNode> found = master::scan(*bus, scan);
   for (const master::FoundNode& node : found) {
     const bool wanted = std::find(named.nodes.begin(), named.nodes.end(), node.node_id) != named.nodes.end();
     if (named.nodes.empty() ? node.is_drive() : wanted) {
-      drives.push_back({{}, product_name(product_of(node)), node.node_id});
+      drives.push_back({.node = node.node_id, .product = product_name(product_of(node))});
     }
   }
   for (const unsigned node : named.nodes) {
-    if (std::none_of(drives.begin(), drives.end(), [node](const auto& drive) { return drive.address == node; })) {
+    if (std::none_of(drives.begin(), drives.end(), [node](const auto& drive) { return drive.node == node; })) {
       throw Failure::did_not_work(
           fmt::format("{}: node {} does not answer; check its node-ID, bit rate and power", bus->name(), node));
     }
@@ -99,37 +99,36 @@ std::vector<studio::DrivePlan> drives_on_can(const Named& named) {
   return drives;
 }
 
-// A position is no name: after a change of the cables another slave may have it. So the identities are returned, too.
-std::vector<studio::DrivePlan> drives_on_ethercat(const Named& named,
-                                                  std::vector<master::EthercatIdentity>& identities) {
+// After a change of the cables another slave may be at a position. So each member has the identity of its slave.
+std::vector<DriveGroup::Member> drives_on_ethercat(const Named& named) {
   const auto master = open_ethercat_master(named.options);
   const std::vector<master::FoundSlave> slaves = scan_segment(*master);
-  std::vector<studio::DrivePlan> drives;
+  std::vector<DriveGroup::Member> drives;
   if (!named.nodes.empty()) {
     for (const unsigned node : named.nodes) {
       BusOptions one = named.options;
       one.node_id = node;
       const master::FoundSlave& slave = choose_slave(*master, slaves, one);
-      drives.push_back({{}, product_name(product_of(slave)), slave.position});
-      identities.push_back(slave.sii.identity);
+      drives.push_back(
+          {.node = slave.position, .product = product_name(product_of(slave)), .identity = slave.sii.identity});
     }
     return drives;
   }
   for (const master::FoundSlave& found : slaves) {
     master::EthercatSlave slave(*master, found, named.options.answer_timeout());
     if (!is_drive(slave)) continue;
-    drives.push_back({{}, product_name(product_of(found)), found.position});
-    identities.push_back(found.sii.identity);
+    drives.push_back(
+        {.node = found.position, .product = product_name(product_of(found)), .identity = found.sii.identity});
   }
   return drives;
 }
 
 // A serial line is not scanned, because every missing station costs one second.
-std::vector<studio::DrivePlan> drives_on_modbus(const Named& named, const std::string& link) {
+std::vector<DriveGroup::Member> drives_on_modbus(const Named& named, const std::string& link) {
   master::ModbusClient client = open_modbus_client(named.options, link, {.timeout = named.options.answer_timeout()});
   std::vector<unsigned> nodes = named.nodes;
   if (nodes.empty()) nodes.push_back(0);  // the only one behind a TCP address
-  std::vector<studio::DrivePlan> drives;
+  std::vector<DriveGroup::Member> drives;
   for (const unsigned node : nodes) {
     BusOptions one = named.options;
     one.node_id = node;
@@ -137,12 +136,12 @@ std::vector<studio::DrivePlan> drives_on_modbus(const Named& named, const std::s
     const line::Product* product = named_product(one);
     if (product == nullptr) product = &modbus_product(client, unit);
     check_that_it_moves(*product, fmt::format("{}, unit {}", link, unit));
-    drives.push_back({{}, product_name(product), node});
+    drives.push_back({.node = node, .product = product_name(product)});
   }
   return drives;
 }
 
-std::vector<studio::DrivePlan> drives_on_serial10(const Named& named) {
+std::vector<DriveGroup::Member> drives_on_serial10(const Named& named) {
   if (named.nodes.size() > 1) {
     throw Failure::wrong_use(fmt::format("--bus {}: this protocol is for one drive", named.options.link));
   }
@@ -150,39 +149,37 @@ std::vector<studio::DrivePlan> drives_on_serial10(const Named& named) {
   if (!named.nodes.empty()) one.node_id = named.nodes.front();
   DriveLink link(one, true);
   link.objects().read<std::uint16_t>(0x6041);
-  return {{{}, product_name(link.product()), one.node_id}};
+  return {{.node = one.node_id, .product = product_name(link.product())}};
 }
 
 studio::BusPlan plan_of(const Named& named) {
   const auto [kind, link] = bus_kind(named.options);
   studio::BusPlan plan{named.options.link, "", {}, {}};
-  std::vector<master::EthercatIdentity> identities;
+  std::vector<DriveGroup::Member> members;
   switch (kind) {
     case BusKind::can:
       plan.type = "can";
-      plan.drives = drives_on_can(named);
+      members = drives_on_can(named);
       break;
     case BusKind::ethercat:
       plan.type = "ethercat";
-      plan.drives = drives_on_ethercat(named, identities);
+      members = drives_on_ethercat(named);
       break;
     case BusKind::modbus:
       plan.type = "rs485";
-      plan.drives = drives_on_modbus(named, link);
+      members = drives_on_modbus(named, link);
       break;
     case BusKind::serial10:
       plan.type = "rs485";
-      plan.drives = drives_on_serial10(named);
+      members = drives_on_serial10(named);
       break;
   }
-  if (plan.drives.empty()) {
+  if (members.empty()) {
     throw Failure::did_not_work(
         fmt::format("{}: no CiA 402 drive answers; check bit rate and power, or name the drives: --bus {}=1,2",
                     plan.link, plan.link));
   }
-  std::vector<DriveGroup::Member> members;
-  for (const studio::DrivePlan& drive : plan.drives) members.push_back({drive.address, drive.product});
-  for (std::size_t i = 0; i < identities.size(); ++i) members[i].identity = identities[i];
+  for (const DriveGroup::Member& member : members) plan.drives.push_back({{}, member.product, member.node});
   plan.open = [options = named.options, members](const links::Heard& heard) {
     BusOptions heard_options = options;
     heard_options.heard = heard;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "canopen/connection_set.hpp"
+#include "describe/words.hpp"
 #include "ethercat/slave/slave.hpp"
 #include "scenario/bench_call.hpp"
 #include "scenario/director.hpp"
@@ -43,9 +44,8 @@ std::string misfit(const Action& action, const dictionary::Entry& entry) {
   std::int64_t highest = dictionary::maximum_of(entry.type);
   if (is_bits && dictionary::size_of(entry.type) < sizeof number) highest -= lowest;  // the sign is a bit
   if (number >= lowest && number <= highest) return {};
-  return fmt::format("{} does not fit into {}, {}{}, {} .. {}", number, object,
-                     dictionary::is_signed(entry.type) ? "INTEGER" : "UNSIGNED", dictionary::size_of(entry.type) * 8,
-                     lowest, highest);
+  return fmt::format("{} does not fit into {}, {}, {} .. {}", number, object, describe::word(entry.type), lowest,
+                     highest);
 }
 
 }  // namespace

@@ -83,6 +83,14 @@ BusPlan plan_of(master::test::AxisRig& rig, Controlwords& noted) {
   return plan;
 }
 
+// The axis "reference" of drives that run in real time, when it answers.
+const RealDrives::Axis& answering_axis(RealDrives& drives) {
+  drives.set_wait([](master::Time) { std::this_thread::sleep_for(1ms); });
+  const RealDrives::Axis& axis = *drives.find("reference");
+  for (int i = 0; i < 3000 && drives.state_of(axis).problem; ++i) std::this_thread::sleep_for(10ms);
+  return axis;
+}
+
 std::string ask(std::uint16_t port, const std::string& method, const std::string& target, const std::string& body) {
   boost::asio::io_context io;
   boost::asio::ip::tcp::socket socket(io);
@@ -232,9 +240,7 @@ TEST(RealBenchTest, HomingTellsTheMethodOfTheDriveAndWhetherItHasAnIndex) {
     BusPlan plan = plan_of(rig, noted);
     plan.drives.front().product = one.product;
     RealDrives drives({plan});
-    drives.set_wait([](master::Time) { std::this_thread::sleep_for(1ms); });
-    const RealDrives::Axis& axis = *drives.find("reference");
-    for (int i = 0; i < 3000 && drives.state_of(axis).problem; ++i) std::this_thread::sleep_for(10ms);
+    const RealDrives::Axis& axis = answering_axis(drives);
     drives.open(axis)->write<std::int8_t>(0x6098, 0, static_cast<std::int8_t>(one.written));
     RealBench bench(drives);
     const std::string no_body;
@@ -253,9 +259,7 @@ TEST(RealBenchTest, AnObjectThatTheDriveDoesNotHaveIsNotFound) {
     BusPlan plan = plan_of(rig, noted);
     plan.drives.front().product = "generic402";
     RealDrives drives({plan});
-    drives.set_wait([](master::Time) { std::this_thread::sleep_for(1ms); });
-    const RealDrives::Axis& axis = *drives.find("reference");
-    for (int i = 0; i < 3000 && drives.state_of(axis).problem; ++i) std::this_thread::sleep_for(10ms);
+    answering_axis(drives);
     RealBench bench(drives);
     for (const std::string body : {R"({"value": 1})", R"({"value": "01"})"}) {
       for (const char* const object : {"5FFF", "1018"}) {
@@ -275,9 +279,7 @@ TEST(RealBenchTest, AWriteToASilentDriveWaitsForOneAnswerOnly) {
   master::test::AxisRig rig{{"generic402"}};
   Controlwords noted;
   RealDrives drives({plan_of(rig, noted)});
-  drives.set_wait([](master::Time) { std::this_thread::sleep_for(1ms); });
-  const RealDrives::Axis& axis = *drives.find("reference");
-  for (int i = 0; i < 3000 && drives.state_of(axis).problem; ++i) std::this_thread::sleep_for(10ms);
+  answering_axis(drives);
   RealBench bench(drives);
   api::Call call{.arguments = {"reference", "5FFE", "0"}, .body = R"({"value": "01"})"};
   EXPECT_THROW(bench.write_object(call), api::ApiError);
@@ -289,9 +291,7 @@ TEST(RealDrivesTest, AMoveBeyondTheSoftwareLimitsIsRefused) {
   master::test::AxisRig rig{{"generic402"}};
   Controlwords noted;
   RealDrives drives({plan_of(rig, noted)});
-  drives.set_wait([](master::Time) { std::this_thread::sleep_for(1ms); });
-  const RealDrives::Axis& axis = *drives.find("reference");
-  for (int i = 0; i < 3000 && drives.state_of(axis).problem; ++i) std::this_thread::sleep_for(10ms);
+  const RealDrives::Axis& axis = answering_axis(drives);
   Jobs jobs(drives);
   const auto status_of = [&](const char* body) {
     try {

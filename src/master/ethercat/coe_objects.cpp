@@ -87,7 +87,8 @@ std::vector<std::byte> CoeObjects::upload(ObjectAddress object) {
     const auto bytes = std::as_bytes(std::span(&value, 1)).first(mapped.bits() / 8);
     return std::vector<std::byte>(bytes.begin(), bytes.end());
   };
-  // The drive acts by the controlword of the last cycle, whoever writes another one. So a stop needs no mailbox.
+  // Each cycle overwrites a controlword that was written by SDO. So the outputs have the present one, and a stop needs
+  // no mailbox.
   if (exchanges() && object == controlword) {
     if (const auto output = exchange_->output(member_, object)) return bytes_of(*output);
   }

@@ -16,6 +16,28 @@ constexpr double revolution_counts = 131072.0;
 
 double shaft_of(CanRig& rig) { return static_cast<double>(rig.line.axes()[0]->plant().position_counts()); }
 
+// The greatest distance in counts of the shaft from its place at begin().
+class FurthestWay {
+ public:
+  explicit FurthestWay(CanRig& rig) : rig_(rig) {
+    begin();
+    rig.from_drive = [this](Frame&) {
+      furthest_ = std::max(furthest_, std::abs(shaft_of(rig_) - start_));
+      return true;
+    };
+  }
+  void begin() {
+    start_ = shaft_of(rig_);
+    furthest_ = 0.0;
+  }
+  double furthest() const { return furthest_; }
+
+ private:
+  CanRig& rig_;
+  double start_ = 0.0;
+  double furthest_ = 0.0;
+};
+
 // Targets of another master stay in the drive; the checks enable the axis in its mode.
 TEST(ConformSafety, AStandingTargetDoesNotMoveTheAxisWhenACheckEnablesIt) {
   struct Standing {
@@ -31,15 +53,11 @@ TEST(ConformSafety, AStandingTargetDoesNotMoveTheAxisWhenACheckEnablesIt) {
     const auto bytes = std::as_bytes(std::span(&standing.value, 1)).first(standing.bytes);
     rig.sdo.write<std::int8_t>(0x6060, 0, standing.mode);
     rig.sdo.download({standing.index, 0}, bytes);
-    const double start = shaft_of(rig);
-    double furthest = 0.0;
-    rig.from_drive = [&](Frame&) {
-      furthest = std::max(furthest, std::abs(shaft_of(rig) - start));
-      return true;
-    };
+    FurthestWay way(rig);
     const Report report = rig.run({.only = {"power.transition-4", "power.voltage-enabled", "cst.at-rest"}});
     EXPECT_EQ(text_of(report, {Verdict::fail, Verdict::skipped}), "");
-    EXPECT_LT(furthest, revolution_counts / 1000.0) << fmt::format("mode {}, {:04X}h", standing.mode, standing.index);
+    EXPECT_LT(way.furthest(), revolution_counts / 1000.0)
+        << fmt::format("mode {}, {:04X}h", standing.mode, standing.index);
     EXPECT_EQ(rig.sdo.read<std::int8_t>(0x6060), standing.mode);
     EXPECT_EQ(rig.sdo.read<std::int32_t>(standing.index), standing.value);
   }
@@ -128,16 +146,11 @@ TEST(ConformSafety, AWrongMotionEndsAtThePermittedWay) {
       if (is_write(frame, 0x6040)) put_word(frame, word_in(frame) & ~0x40U);
       return true;
     };
-    const double start = shaft_of(rig);
-    double furthest = 0.0;
-    rig.from_drive = [&](Frame&) {
-      furthest = std::max(furthest, std::abs(shaft_of(rig) - start));
-      return true;
-    };
+    FurthestWay way(rig);
     Subject subject(CanAccess{rig.bus, rig.sdo}, {.revolutions = revolutions});
     const Report report = run_checks(subject, {.only = {"pp.relative"}});
     EXPECT_THAT(failed(report), testing::ElementsAre("pp.relative"));
-    EXPECT_LT(furthest, revolution_counts * (revolutions + 0.15));
+    EXPECT_LT(way.furthest(), revolution_counts * (revolutions + 0.15));
     EXPECT_EQ(state_bits(rig), bits_disabled);
   }
 }
@@ -145,23 +158,14 @@ TEST(ConformSafety, AWrongMotionEndsAtThePermittedWay) {
 TEST(ConformSafety, RevolutionsLimitTheMotionsOfTheProfileModes) {
   for (const double revolutions : {0.05, 0.5, 4.0}) {
     CanRig rig("generic402");
-    double start = 0.0;
-    double furthest = 0.0;
-    rig.from_drive = [&](Frame&) {
-      furthest = std::max(furthest, std::abs(shaft_of(rig) - start));
-      return true;
-    };
+    FurthestWay way(rig);
     Subject subject(CanAccess{rig.bus, rig.sdo}, {.revolutions = revolutions});
     run_checks(subject, {.only = {"pp", "pv", "fault", "homing", "probe.off"},
-                         .before =
-                             [&](const Check&) {
-                               start = shaft_of(rig);
-                               furthest = 0.0;
-                             },
+                         .before = [&](const Check&) { way.begin(); },
                          .after =
                              [&](const Outcome& outcome) {
                                EXPECT_NE(outcome.verdict, Verdict::fail) << revolutions << "\n" << text_of(outcome);
-                               EXPECT_LE(furthest, revolution_counts * (revolutions + 0.02)) << outcome.check->id;
+                               EXPECT_LE(way.furthest(), revolution_counts * (revolutions + 0.02)) << outcome.check->id;
                              }});
   }
 }
@@ -266,15 +270,10 @@ TEST(ConformSafety, AWrongMotionEndsAtThePermittedWayAlsoIfThePositionWrapsAroun
     if (is_write(frame, 0x60FF) && velocity < 0) std::memcpy(&frame.data[4], std::array{-velocity}.data(), 4);
     return true;
   };
-  const double start = shaft_of(rig);
-  double furthest = 0.0;
-  rig.from_drive = [&](Frame&) {
-    furthest = std::max(furthest, std::abs(shaft_of(rig) - start));
-    return true;
-  };
+  FurthestWay way(rig);
   const Report report = rig.run({.only = {"pv.target-reached"}});
   EXPECT_THAT(failed(report), testing::ElementsAre("pv.target-reached"));
-  EXPECT_LT(furthest, revolution_counts * 0.65);
+  EXPECT_LT(way.furthest(), revolution_counts * 0.65);
 }
 
 TEST(ConformSafety, AnAxisAtTheEndOfTheRangeIsAtRest) {
