@@ -295,8 +295,7 @@ void Drive::cycle(const Feedback& feedback) {
   set_limits();
   write_actuation();
   note_demand_source();
-  // While the windings are shorted the loops have no effect on the motor, and are off so that their integrals do not
-  // wind up.
+  // With shorted windings the loops have no effect on the motor. They are off, so that no integral winds up.
   const bool controlled = energised() && !stop_.shorts_windings();
   if (controlled != cascade_.enabled()) controlled ? cascade_.enable(feedback) : cascade_.disable();
   if (axis_.configuration.knows_load()) [[unlikely]] {
