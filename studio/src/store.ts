@@ -3,6 +3,7 @@ import { ApiError, get, post } from './api/client';
 import { Stream, type ServerEvent } from './api/stream';
 import { setToken, subprotocols, token } from './api/token';
 import { motionHindrance } from './model/cia402';
+import { watch_hz } from './rates';
 import { noteProject, openProject, type ProjectEvent } from './storage';
 import type { AxisView, Clock, Job, LineView, Missing } from './api/types';
 
@@ -175,7 +176,7 @@ export const interruptions = () => (state.start === '' ? 0 : stream.interruption
 
 export function connect() {
   const address = `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/api/v1/stream`;
-  stream = new Stream(address, 20, {
+  stream = new Stream(address, watch_hz, {
     connected: begin,
     lost: (wasOpen) => {
       if (wasOpen) update({ link: 'lost' });

@@ -41,6 +41,9 @@ MARGINS = {
     "following_error": (2.0, 0.15),
     "winding_c": (2.0, 0.0),
 }
+# Largest error of a reading: eccentricity and interpolation of the encoder (20 + 5 + 3 arc seconds) and six times its
+# r.m.s. noise (2).
+ENCODER_ERROR_REVOLUTIONS = (28 + 6 * 2) / 1_296_000
 MOST_GROWTH_KIB = 2048
 READ_PER_S = 1000
 MOTION_READ_PER_S = 100
@@ -198,7 +201,9 @@ class Subject:
         if self.offset is None:
             self.offset = offset
         difference = (offset - self.offset + drive_range // 2) % drive_range - drive_range // 2
-        if abs(difference) > 2 * max(units, counts):
+        # Two readings, each rounded, and each with the errors of the encoder.
+        allowed = 2 * (max(units, counts) + ENCODER_ERROR_REVOLUTIONS * units * counts)
+        if abs(difference) > allowed:
             self.fail(f"6064h and the shaft have drifted apart by {difference / counts:.2f} units")
             self.offset = offset
 

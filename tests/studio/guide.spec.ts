@@ -66,7 +66,8 @@ for (const { name, counts } of axes) {
   const { tunes, home, limits, gain } = products[name];
   test.describe(name, () => {
   test.use({ axis: name });
-  test(`takes ${name} from the factory to a tuned, homed, cycling axis`, async ({ page, open, line, picture }) => {
+  const tag = name === 'pronet' ? [] : ['@all'];
+  test(`takes ${name} from the factory to a tuned, homed, cycling axis`, { tag }, async ({ page, open, line, picture }) => {
     test.setTimeout(900_000);
     const factory = await line.call<{ differences: unknown[] }>('GET', `/axes/${name}/parameters/diff`);
     await open(`/commission/${name}`);

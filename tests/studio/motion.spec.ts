@@ -2,6 +2,8 @@ import type { Locator, Page } from '@playwright/test';
 import { card, choose, expect, panel, test, type } from './fixtures';
 import { axes } from './line';
 
+test.use({ contextOptions: { reducedMotion: 'no-preference' } });
+
 interface View {
   state: string;
   homed: boolean;

@@ -2,6 +2,8 @@ import { readFileSync } from 'node:fs';
 import type { Page } from '@playwright/test';
 import { choose, expect, panel, test, type } from './fixtures';
 
+test.use({ contextOptions: { reducedMotion: 'no-preference' } });
+
 const setup = '?ch=reference/velocity_rpm,reference/following_error,reference/torque_nm&rate=4000&ms=1200&pre=20';
 
 test('a move is recorded, and its overshoot read', async ({ page, open, picture }) => {

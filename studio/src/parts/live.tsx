@@ -2,6 +2,7 @@ import { useEffect, useMemo, useState } from 'react';
 import type { Channel, ChannelRequest, Problem } from '../api/types';
 import { labelOf } from '../model/scope';
 import { LiveBuffer } from '../model/live_buffer';
+import { redraw_ms } from '../rates';
 import { stream } from '../store';
 import { Trouble } from './controls';
 import { Lanes, type LanesProps } from './lanes';
@@ -13,10 +14,9 @@ interface Live {
   problem?: Problem;
 }
 
-const redraw_ms = 33;
 const nothing: Live = { channels: [], x: new Float64Array(), values: [] };
 
-// The last seconds of some channels, updated at most 30 times a second.
+// The last seconds of some channels.
 export function useLive(channels: ChannelRequest[], rate_hz: number, seconds: number, running = true): Live {
   const [live, setLive] = useState<Live>(nothing);
   const asked = JSON.stringify(channels);
