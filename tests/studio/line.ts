@@ -2,6 +2,7 @@ import { type ChildProcess, spawn } from 'node:child_process';
 import { createSocket } from 'node:dgram';
 import { once } from 'node:events';
 import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { type AddressInfo, connect, createServer, type Socket } from 'node:net';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
@@ -46,10 +47,38 @@ interface Ready {
   buses: { name: string; links: string[] }[];
 }
 
+// STUDIO_LATE_MS=400: what the page and the server send each other is late by up to 400 ms, in its order, as over a slow network or
+// on a busy machine. A test that needs a fast machine then fails. Requests of the test itself are not late.
+const late_ms = Number(process.env.STUDIO_LATE_MS ?? 0);
+
+// Returns the port of a proxy in front of `port`.
+async function slowNetwork(port: number): Promise<number> {
+  const pass = (from: Socket, to: Socket) => {
+    let before = Promise.resolve();
+    let due = 0;
+    const later = (act: () => void) => {
+      const at = (due = Math.max(due, performance.now() + late_ms * Math.random()));
+      before = before.then(() => new Promise((resolve) => setTimeout(() => resolve(act()), at - performance.now())));
+    };
+    from.on('data', (data) => later(() => to.destroyed || to.write(data)));
+    from.on('close', () => later(() => to.destroy()));
+    from.on('error', () => undefined); // "close" follows
+  };
+  const proxy = createServer((near) => {
+    const far = connect(port, '127.0.0.1');
+    pass(near, far);
+    pass(far, near);
+  });
+  proxy.listen(0, '127.0.0.1').unref();
+  await once(proxy, 'listening');
+  return (proxy.address() as AddressInfo).port;
+}
+
 abstract class Program {
   private process: ChildProcess | null = null;
+  private direct = ''; // http://127.0.0.1:PORT
   protected readonly folder = mkdtempSync(join(tmpdir(), 'studio-'));
-  address = ''; // http://127.0.0.1:PORT
+  address = ''; // the same for the page: perhaps behind a slow network
   listens = '127.0.0.1';
   environment: Record<string, string> = {}; // more of it
   ready: Ready = { api: '', buses: [] };
@@ -58,7 +87,7 @@ abstract class Program {
 
   // On the port it had before, if it ran before.
   async start(): Promise<this> {
-    const port = this.address === '' ? '0' : new URL(this.address).port;
+    const port = this.direct === '' ? '0' : new URL(this.direct).port;
     const env = { ...process.env, ...this.environment };
     const child = spawn(servodrome, [...this.words(), '--api', `${this.listens}:${port}`, '--json'], { cwd: this.folder, env });
     this.process = child;
@@ -74,7 +103,8 @@ abstract class Program {
       child.on('error', reject);
       child.on('exit', (code) => reject(new Error(`servodrome ended with ${code}: ${errors}`)));
     });
-    this.address = this.ready.api.replace('/api/v1', '').replace('0.0.0.0', '127.0.0.1');
+    this.direct = this.ready.api.replace('/api/v1', '').replace('0.0.0.0', '127.0.0.1');
+    if (this.address === '') this.address = late_ms > 0 ? `http://127.0.0.1:${await slowNetwork(Number(new URL(this.direct).port))}` : this.direct;
     return this;
   }
 
@@ -104,7 +134,7 @@ abstract class Program {
   }
 
   async call<T>(method: string, path: string, body?: unknown): Promise<T> {
-    const answer = await fetch(`${this.address}/api/v1${path}`, { method, ...(body === undefined ? {} : { body: JSON.stringify(body) }) }).catch((error: Error) => {
+    const answer = await fetch(`${this.direct}/api/v1${path}`, { method, ...(body === undefined ? {} : { body: JSON.stringify(body) }) }).catch((error: Error) => {
       throw new Error(`${method} ${path}: ${String(error.cause ?? error)}; the server: ${this.fate()}`);
     });
     const text = await answer.text();
