@@ -1,6 +1,6 @@
 import type { Page } from '@playwright/test';
 import { accessible, rulesFor } from './accessible';
-import { expect as shortly, panel, test as base, type } from './fixtures';
+import { expect as shortly, noPower, panel, takenBack, test as base, type, withoutTimeouts } from './fixtures';
 import { lineOf, plan, write } from './guide';
 import { Line } from './line';
 
@@ -139,7 +139,9 @@ const stops: [string, (page: Page, line: Line) => Promise<unknown>][] = [
   ['the STOP of another client', (_, line) => line.call('POST', '/stop')],
 ];
 
-for (const [what, stop] of stops) test(`${what} between a press and its first motion: no motion begins`, async ({ page, open, line, watched }) => {
+for (const [what, stop] of stops) test(`${what} between a press and its first motion: no motion begins`, async ({ page, open, line, excused }) => {
+  excused.push(/status of 409/, takenBack);
+  await withoutTimeouts(page);
   await open('/commission/reference?step=velocity');
   const measure = page.getByRole('button', { name: 'Measure the loop and propose gains' });
   await expect(measure).toBeEnabled();
@@ -157,7 +159,6 @@ for (const [what, stop] of stops) test(`${what} between a press and its first mo
   release();
   await expect(page.getByRole('group', { name: 'Measure the loop and propose gains' }).locator('.trouble').first()).toBeVisible();
   expect((await jobs(line)).filter((job) => job.do === 'tune')).toEqual([]);
-  watched.splice(0); // the refusal, 409
 });
 
 test('nothing is undone while the power stage is on: the mode of a motion from before would move the axis', async ({ page, open, line }) => {
@@ -218,7 +219,8 @@ test('after a restart of the server the guide does not take another job for that
   watched.splice(0); // the lost connection
 });
 
-test('a power cut in the middle: the guide names the lost values, and writes them again', async ({ page, open, line }) => {
+test('a power cut in the middle: the guide names the lost values, and writes them again', async ({ page, open, line, excused }) => {
+  excused.push(noPower);
   await begin(page, open);
   await moving(line);
   await line.call('POST', `${path}/power`, { action: 'off' });
@@ -340,7 +342,8 @@ test('two browsers: the second sees the axis busy, and its own guide is untouche
   await expect(page.getByRole('group', { name: 'There and back' }).locator('.trouble').first()).toBeVisible();
 });
 
-test('a scan of the first step shows what answers on the bus', async ({ page, open, line }) => {
+test('a scan of the first step shows what answers on the bus', async ({ page, open, line, excused }) => {
+  excused.push(noPower);
   await open('/commission/reference?step=find');
   await page.getByRole('button', { name: 'Scan can0' }).click();
   const devices = page.getByRole('table', { name: 'Devices on can0' });
@@ -392,7 +395,8 @@ for (const [name, mode] of Object.entries(tuningModes)) test.describe(name, () =
   });
 });
 
-test('after a power cut the values of several steps are written again, or count as undone', async ({ page, open, line }) => {
+test('after a power cut the values of several steps are written again, or count as undone', async ({ page, open, line, excused }) => {
+  excused.push(noPower);
   await clock(line, 10);
   await open('/commission/reference?step=direction');
   await write(page);

@@ -1,9 +1,10 @@
-import { card, expect, panel, test } from './fixtures';
+import { card, expect, noPower, panel, test } from './fixtures';
 import { lineFile } from './line';
 
 // The place of things on the page: what the drives do moves no button.
 
-test('a fault, a move and an axis without power leave the cards as they are', async ({ page, open, line }) => {
+test('a fault, a move and an axis without power leave the cards as they are', async ({ page, open, line, excused }) => {
+  excused.push(noPower);
   await page.setViewportSize({ width: 1366, height: 768 });
   await open('/');
   await expect(card(page, 'jmc')).toContainText('switch on disabled');

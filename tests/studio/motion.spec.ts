@@ -1,5 +1,5 @@
 import type { Locator, Page } from '@playwright/test';
-import { card, choose, expect, panel, test, type } from './fixtures';
+import { card, choose, expect, jogUntil, panel, test, type } from './fixtures';
 import { axes } from './line';
 
 test.use({ contextOptions: { reducedMotion: 'no-preference' } });
@@ -9,6 +9,12 @@ interface View {
   homed: boolean;
   position_counts: number;
   velocity_rpm: number;
+}
+
+interface Job {
+  do: string;
+  state: string;
+  result?: { position: number };
 }
 
 for (const { name, home } of axes) {
@@ -22,6 +28,10 @@ for (const { name, home } of axes) {
     await picture(`homing-${name}`);
     await expect(page.getByText(/home: done/)).toBeVisible({ timeout: 90_000 });
     const here = page.locator('svg.homing circle.here');
+    // The figure may be drawn later than the end of the job.
+    const readout = panel(page, 'Motion').locator('.readout').filter({ hasText: 'true position' });
+    const drawn = async () => parseInt((await readout.getAttribute('title')) ?? '');
+    await expect.poll(async () => Math.abs((await drawn()) - (await line.call<View>('GET', `/axes/${name}`)).position_counts)).toBeLessThan(100);
     const rest = (await here.getAttribute('cx')) ?? '';
     // The page tells each place it draws: a test that looks now and then may miss a replay of a second.
     const places = await page.evaluateHandle(() => {
@@ -98,10 +108,15 @@ test('a move is drawn before it starts, and one that is too long is refused with
   expect((await line.call<View>('GET', '/axes/reference')).position_counts - before).toBeLessThan(100);
 });
 
-test('goes there and back, repeats that until it is halted, and goes to zero', async ({ page, open, line, watched }) => {
+test('goes there and back, repeats that until it is halted, and goes to zero', async ({ page, open, line, excused }) => {
+  excused.push(/status of 409/); // a halt between two moves: the server refuses the second one
   await open('/axis/reference');
   const motion = panel(page, 'Motion');
   const place = async () => (await line.call<View>('GET', '/axes/reference')).position_counts / 131072;
+  // Where the moves have ended, in revolutions: a look at the axis now and then may miss a short stay.
+  const ends = async () => (await line.call<{ jobs: Job[] }>('GET', '/jobs')).jobs.filter((job) => job.do === 'move' && job.state === 'done').map(({ result }) => Math.abs(result!.position).toFixed(1));
+  await expect(motion.getByRole('button', { name: 'There and back' })).toBeEnabled();
+  await expect(motion.locator('.travel .carriage')).toBeVisible(); // no answer moves the buttons from now on
   await type(page, 'Distance', 0.5);
   // A button that moves while the pointer goes to it is missed: the places of the rows with Halt are watched in each frame.
   await motion.evaluate((element) => {
@@ -115,24 +130,20 @@ test('goes there and back, repeats that until it is halted, and goes to zero', a
     look();
   });
   await motion.getByRole('button', { name: 'There and back' }).click();
-  await expect.poll(place, { intervals: [20] }).toBeGreaterThan(0.4); // the axis stays there for a moment only
-  await expect.poll(place, { intervals: [20] }).toBeLessThan(0.05);
+  await expect.poll(ends).toEqual(['0.5', '0.0']);
   await motion.getByText('repeat there and back').click();
   await motion.getByRole('button', { name: 'There and back' }).click();
-  for (const times of [1, 2, 3]) {
-    await expect.poll(place, { message: `time ${times}`, intervals: [20] }).toBeGreaterThan(0.4);
-    await expect.poll(place, { message: `time ${times}`, intervals: [20] }).toBeLessThan(0.1);
-  }
+  await expect.poll(async () => (await ends()).length).toBeGreaterThan(7);
+  const all = await ends();
+  expect(all.filter((end, i) => end === all[i - 1])).toEqual([]); // there and back in turn
   await motion.getByRole('button', { name: 'Halt' }).first().click();
   // At a point of return the velocity is zero, too: the halt has ended when its job is done.
-  const last = async () => (await line.call<{ jobs: { do: string; state: string }[] }>('GET', '/jobs')).jobs.at(-1);
+  const last = async () => (await line.call<{ jobs: Job[] }>('GET', '/jobs')).jobs.at(-1);
   await expect.poll(last).toMatchObject({ do: 'stop', state: 'done' });
   expect(await page.evaluate(() => [...(window as unknown as { places: Set<string> }).places])).toHaveLength(1);
   const halted = await place();
   await page.waitForTimeout(1500); // of the line's time, in which another move would begin
   expect(Math.abs((await place()) - halted)).toBeLessThan(0.02);
-  // A halt between two moves: the server has refused the second one, and the browser logs that.
-  for (const message of watched.splice(0)) expect(message).toMatch(/409/);
   await motion.getByRole('button', { name: 'Move +' }).click();
   await expect(motion.getByText(/move: done/)).toBeVisible();
   await motion.getByRole('button', { name: 'Go to zero' }).click();
@@ -178,14 +189,12 @@ test('jogs while it is pressed, with the pointer and with the keyboard', async (
   await expect(jog).toBeEnabled();
   const speed = async () => (await line.call<View>('GET', '/axes/reference')).velocity_rpm;
   await jog.hover();
-  await page.mouse.down();
-  await expect.poll(speed).toBeGreaterThan(50);
+  await jogUntil(async () => (await speed()) > 50, () => page.mouse.down(), () => page.mouse.up());
   await page.mouse.up();
   await expect.poll(async () => Math.abs(await speed())).toBeLessThan(1);
 
   await page.getByRole('button', { name: 'Jog in negative direction' }).focus();
-  await page.keyboard.down('Space');
-  await expect.poll(speed).toBeLessThan(-50);
+  await jogUntil(async () => (await speed()) < -50, () => page.keyboard.down('Space'), () => page.keyboard.up('Space'));
   // The window loses the keyboard: the page is not told that the key goes up.
   await page.evaluate(() => dispatchEvent(new Event('blur')));
   await expect.poll(async () => Math.abs(await speed())).toBeLessThan(1);
@@ -200,8 +209,7 @@ test('a jog ends when its button is disabled under the pointer', async ({ page, 
   await expect(jog).toBeEnabled();
   const speed = async () => Math.abs((await line.call<{ velocity_rpm: number }>('GET', '/axes/reference')).velocity_rpm);
   await jog.hover();
-  await page.mouse.down();
-  await expect.poll(speed).toBeGreaterThan(20);
+  await jogUntil(async () => (await speed()) > 20, () => page.mouse.down(), () => page.mouse.up());
   await page.getByRole('textbox', { name: 'Velocity', exact: true }).evaluate((field: HTMLInputElement) => {
     Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value')!.set!.call(field, 'x');
     field.dispatchEvent(new Event('input', { bubbles: true }));
@@ -221,9 +229,8 @@ test('a jog with the pointer ends when the focus goes elsewhere, also if all tex
   await page.keyboard.press('Control+a');
   const speed = async () => Math.abs((await line.call<{ velocity_rpm: number }>('GET', '/axes/reference')).velocity_rpm);
   await jog.hover();
-  await page.mouse.down();
+  await jogUntil(async () => (await speed()) > 20, () => page.mouse.down(), () => page.mouse.up());
   await expect(jog).toBeFocused();
-  await expect.poll(speed).toBeGreaterThan(20);
   await page.getByRole('link', { name: 'Scope' }).first().focus();
   await expect.poll(speed).toBeLessThan(1);
   await page.mouse.up();

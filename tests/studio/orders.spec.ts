@@ -1,4 +1,4 @@
-import { card, expect, panel, test, type } from './fixtures';
+import { card, expect, noPower, panel, test, type } from './fixtures';
 import { axes } from './line';
 
 // What the page lets a user ask of an axis: nothing that is not understood, and nothing that comes back by itself.
@@ -113,7 +113,8 @@ test('no button that moves acts on a number that is not understood', async ({ pa
   await expect(page.getByRole('button', { name: 'Sweep and record' })).toBeDisabled();
 });
 
-test('no motion begins while the drive is in fault or without power, and the buttons give the reason', async ({ page, open, line }) => {
+test('no motion begins while the drive is in fault or without power, and the buttons give the reason', async ({ page, open, line, excused }) => {
+  excused.push(noPower);
   const board = { name: 'Bench', widgets: ['move', 'home', 'jog'].map((what) => ({ kind: 'button', title: `Board ${what}`, span: 1, axis: 'ismk', do: what, by: 1, velocity: 1 })) };
   await page.addInitScript((boards) => localStorage.setItem('servodrome.boards', boards), JSON.stringify([board]));
   const reason = 'The drive has a fault: clear it first.';

@@ -1,6 +1,6 @@
 import type { Page } from '@playwright/test';
 import { inEveryLook, slow_ms } from './accessible';
-import { expect, test } from './fixtures';
+import { expect, test, withoutTimeouts } from './fixtures';
 
 // Every page, in every look: opens, has no serious accessibility violation, no error, no request outside, and fits.
 
@@ -85,6 +85,7 @@ test('controls are not drawn anew each time that an axis moves', async ({ page, 
 });
 
 test('the keyboard reaches every page, and stops the line', async ({ page, open }) => {
+  await withoutTimeouts(page);
   await open('/');
   await page.keyboard.press('Tab');
   await expect(page.getByText('Skip to the content')).toBeFocused();

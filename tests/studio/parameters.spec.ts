@@ -1,7 +1,7 @@
 import { execFile } from 'node:child_process';
 import { readFileSync } from 'node:fs';
 import { promisify } from 'node:util';
-import { expect, panel, test } from './fixtures';
+import { expect, panel, test, withoutTimeouts } from './fixtures';
 import { lineFile, servodrome } from './line';
 
 const write = (object: string, value: number) => ['PUT', `/axes/reference/objects/${object.replace(':', '/')}`, { value }] as const;
@@ -52,6 +52,7 @@ test('parameters are saved as a file, and loaded into the drive again', async ({
 });
 
 test('a PDO is mapped, reordered, written; what the drive refuses is said, and nothing is lost', async ({ page, open, line, picture, watched }) => {
+  await withoutTimeouts(page);
   await open('/objects/reference?view=pdos');
   const pdo = panel(page, 'RPDO 1, 1600h');
   const map = async (what: string) => {

@@ -1,5 +1,5 @@
 import { accessible } from './accessible';
-import { card, expect, test, watch } from './fixtures';
+import { card, expect, test, watch, withoutTimeouts } from './fixtures';
 import { Line, lineFile } from './line';
 
 test('two browsers agree', async ({ page, open, line, browser, picture }) => {
@@ -49,6 +49,7 @@ test('a server that hangs is said as well, and the page comes back', async ({ pa
 });
 
 test('an error in a page leaves the others, and the big stop', async ({ page, open, line, watched }) => {
+  await withoutTimeouts(page);
   await page.route('**/api/v1/buses', (route) => route.fulfill({ json: { buses: [{ name: 'can0', type: 'can' }] } }));
   await page.goto(line.address);
   await expect(page.getByRole('alert')).toContainText('This page has failed');
