@@ -41,22 +41,21 @@ void transition(Trial& trial, int row) {
                text_of_state(seen));
 }
 
-// With 605Ah = 5 to 8 the drive stays in quick stop active; with 0 to 4 it leaves that state by itself (transition 12).
-constexpr Time quick_stop_is_held = std::chrono::milliseconds(500);  // longer than a brake needs to close
+// With 605Ah = 5 to 8 the drive stays in quick stop active; with 0 to 4 it leaves that state by itself (transition 12)
+// when its brake has closed.
+void require_quick_stop_held(Trial& trial) {
+  const bool stays = trial.wait_for(PowerState::quick_stop_active) &&
+                     trial.stays(PowerState::quick_stop_active, 500ms + trial.subject().brake_delay());
+  trial.require(stays, "605Ah = 6, then 6040h = 0002h (quick stop) in operation enabled",
+                "quick stop active, and it stays there", text_of_state(trial.statusword()));
+}
 
 void quick_stop(Trial& trial, int) {
   const auto option = trial.objects().read_if_present<std::int16_t>(0x605A);
   const bool stays = option && !Trial::refusal_of([&] { trial.objects().write<std::int16_t>(0x605A, 0, 6); });
   trial.bring_to(PowerState::operation_enabled);
   trial.control(command_word::quick_stop);
-  if (stays) {
-    const bool arrived = trial.wait_for(PowerState::quick_stop_active);
-    const std::uint16_t seen = trial.statusword();
-    trial.require(arrived && trial.stays(PowerState::quick_stop_active, quick_stop_is_held),
-                  "605Ah = 6, then 6040h = 0002h (quick stop) in operation enabled",
-                  "quick stop active, and it stays there", text_of_state(seen));
-    return;
-  }
+  if (stays) return require_quick_stop_held(trial);
   const Time deadline = trial.now() + trial.settings().patience;
   bool left = false;
   while (!left && trial.now() < deadline) {
@@ -88,9 +87,7 @@ void from_quick_stop(Trial& trial, std::uint16_t word, PowerState to) {
     Trial::skip("it does not take 605Ah = 6, which would hold it in quick stop active: " + refusal->text);
   }
   trial.bring_to(PowerState::quick_stop_active);
-  const bool stays = trial.stays(PowerState::quick_stop_active, quick_stop_is_held);
-  trial.require(stays, "605Ah = 6, then 6040h = 0002h (quick stop) in operation enabled",
-                "quick stop active, and it stays there", text_of_state(trial.statusword()));
+  require_quick_stop_held(trial);
   trial.control(word);
   const bool arrived = trial.wait_for(to);
   trial.expect(arrived, fmt::format("{} in quick stop active, 605Ah = 6", text_of_controlword(word)), drive::name(to),

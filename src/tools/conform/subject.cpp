@@ -187,9 +187,7 @@ void Subject::end_watch() {
   if (reaction_) reaction_->end();  // restore() tries again, and reports a failure
 }
 
-Time Subject::patience_of_power() {
-  return settings_.patience + Axis402(kept_, {.product = settings_.product}).brake_delay();
-}
+Time Subject::brake_delay() { return Axis402(kept_, {.product = settings_.product}).brake_delay(); }
 
 PositionRange Subject::position_range() {
   if (!settings_.product->dialect.has_position_range) return {};

@@ -147,8 +147,10 @@ class Subject {
   // Adds a problem to those that settle() returns.
   void note(std::string sentence) { problems_.push_back(std::move(sentence)); }
 
-  // Timeout of a transition: the patience, and the time in which the drive closes its brake before it switches off.
-  Time patience_of_power();
+  // The time in which the drive closes its brake before it switches off.
+  Time brake_delay();
+  // Timeout of a transition: the patience and the brake_delay().
+  Time patience_of_power() { return settings_.patience + brake_delay(); }
   PositionRange position_range();
 
   // A check homes the axis, after which it must show this position value. The next settle() in which the axis stands

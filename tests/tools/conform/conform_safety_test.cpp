@@ -301,6 +301,19 @@ TEST(ConformSafety, AnAxisIsOffOnlyWhenItsBrakeHasClosed) {
   EXPECT_EQ(state_bits(rig) & ~0x20U, bits_disabled);
 }
 
+// The drive takes 605Ah = 2 in place of 6, and leaves quick stop active when its brake has closed.
+TEST(ConformSafety, AQuickStopIsHeldOnlyIfItOutlastsTheBrake) {
+  CanRig rig("generic402");
+  rig.sdo.write<std::uint16_t>(0x2020, 2, 1500);
+  rig.to_drive = [](Frame& frame) {
+    if (is_write(frame, 0x605A) && word_in(frame) == 6) put_word(frame, 2);
+    return true;
+  };
+  const Report report = rig.run({.only = {"power.transition-11", "power.transition-12", "power.transition-16"}});
+  EXPECT_THAT(failed(report),
+              testing::ElementsAre("power.transition-11", "power.transition-12", "power.transition-16"));
+}
+
 // The loss of a heartbeat causes the faults then.
 TEST(ConformSafety, ADriveWithoutFollowingErrorPassesTheChecksOfFaults) {
   CanRig rig("generic402");
