@@ -297,8 +297,10 @@ bool Trial::cause_following_error() {
   enable(OperationMode::profile_position);
   gentle_profile(2.0);
   const std::int32_t start = position();
-  const std::int32_t target =
-      std::int64_t{start} + distance() <= range().highest ? start + distance() : start - distance();
+  const auto most = std::int64_t{distance()};
+  const std::int64_t ahead = std::min(most, range().highest - start);
+  const std::int64_t behind = std::min(most, start - range().lowest);
+  const auto target = static_cast<std::int32_t>(start + (ahead >= behind ? ahead : -behind));
   if (refusal_of([&] { objects().write<std::uint32_t>(0x6065, 0, 1); })) return false;
   if (objects().read_if_present<std::uint16_t>(0x6066)) {
     if (refusal_of([&] { objects().write<std::uint16_t>(0x6066, 0, 0); })) return false;

@@ -290,6 +290,25 @@ TEST(ConformSafety, AnAxisAtTheEndOfTheRangeIsAtRest) {
   EXPECT_TRUE(report.at_rest);
 }
 
+// The permitted way is longer than the range.
+TEST(ConformSafety, TheTargetOfAFollowingErrorStaysInTheRange) {
+  for (const int start : {5'000, 65'000, 126'000}) {
+    WrappingRig rig(start);
+    std::vector<std::int32_t> targets;
+    rig.to_drive = [&](Frame& frame) {
+      if (is_write(frame, 0x607A)) targets.push_back(static_cast<std::int32_t>(number_in(frame)));
+      return true;
+    };
+    Subject subject(CanAccess{rig.bus, rig.sdo}, {.revolutions = 2.0});
+    const Report report = run_checks(subject, {.only = {"fault.reaction"}});
+    EXPECT_EQ(text_of(report, {Verdict::fail, Verdict::skipped}), "") << start;
+    EXPECT_THAT(targets, testing::Each(testing::AllOf(testing::Ge(0), testing::Le(131071)))) << start;
+    EXPECT_THAT(targets,
+                testing::Contains(testing::Not(testing::AllOf(testing::Gt(start - 5'000), testing::Lt(start + 5'000)))))
+        << start;
+  }
+}
+
 // The drive stays in operation enabled until its brake has closed.
 TEST(ConformSafety, AnAxisIsOffOnlyWhenItsBrakeHasClosed) {
   CanRig rig("ismk");
