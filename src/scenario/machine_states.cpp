@@ -24,7 +24,8 @@ MachineState power_of(line::Line& line, line::Axis& axis) {
               }};
 }
 
-// The cause of a fault of the drive that has this name or this code; none: there is no such fault.
+// The cause of a fault of the drive that has this name or this code; none: there is no such fault. Of several causes
+// with this code it is the first in the order of drive::Cause, as for the faults of the bench.
 drive::Cause cause_of(line::Axis& axis, const std::string& name) {
   for (unsigned number = 1; number <= UINT8_MAX; ++number) {
     const auto cause = static_cast<drive::Cause>(number);
