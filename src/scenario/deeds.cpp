@@ -86,11 +86,20 @@ void Director::check(const RuleRun& run) const {
     throw ScenarioError(what, rule.name, hint);
   };
   if (const ObjectAddress* object = object_of(rule.action); object != nullptr && run.axis != nullptr) {
-    if (run.axis->device().bus_dictionary().find(object->index, object->sub.value_or(0)) == nullptr) {
+    const dictionary::Dictionary& objects = run.axis->device().bus_dictionary();
+    const dictionary::Entry* found = objects.find(object->index, object->sub.value_or(0));
+    if (found == nullptr) {
       refuse(fmt::format("the drive has no object {:04X}h:{:02X}", object->index, object->sub.value_or(0)),
              "`servodrome export` writes a list of its objects");
     }
-    for (const dictionary::Entry& entry : run.axis->device().bus_dictionary().table()) {
+    // Sub-index 0 of an array or record is the number of its elements.
+    const bool has_elements =
+        found->code == dictionary::ObjectCode::array || found->code == dictionary::ObjectCode::record;
+    if (std::holds_alternative<SetObject>(rule.action) && !object->sub && has_elements) {
+      refuse(fmt::format("{:04X}h has several sub-indices, and `set` writes one", object->index),
+             fmt::format("name it: object = \"{:04X}:01\"", object->index));
+    }
+    for (const dictionary::Entry& entry : objects.table()) {
       if (!object->contains(entry.index, entry.sub)) continue;
       if (const std::string why = misfit(rule.action, entry); !why.empty()) {
         refuse(why, "give a number of the object's type, or name the sub-index: object = \"1018:01\"");

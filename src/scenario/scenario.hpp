@@ -216,7 +216,7 @@ struct Switch {
 };
 // The drive writes its own object once, also a read-only one.
 struct SetObject {
-  ObjectAddress object;
+  ObjectAddress object;  // without a sub-index: sub-index 0 of an object that has no other
   std::int64_t value = 0;
 };
 struct Emergency {

@@ -240,5 +240,29 @@ TEST(ObjectRules, ANumberThatDoesNotFitIntoTheObjectIsRefused) {
   EXPECT_FALSE(is_refused(on("show", "6060", "add = 1000"))) << "the sum wraps around";
 }
 
+// Without a sub-index the rule would write the number of elements.
+TEST(ObjectRules, SetOfAnArrayNeedsASubIndex) {
+  line::Line line(line::test::settings_of(one_axis));
+  const auto refusal = [&line](const char* object) {
+    try {
+      Director(line, scenario_of(fmt::format("[[rule]]\ndo = \"set\"\nobject = \"{}\"\nvalue = 2\n", object)));
+    } catch (const ScenarioError& error) {
+      return fmt::format("{}; {}", error.what(), error.hint());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(refusal("607D"), "607Dh has several sub-indices, and `set` writes one; name it: object = \"607D:01\"");
+  EXPECT_EQ(refusal("1018"), "1018h has several sub-indices, and `set` writes one; name it: object = \"1018:01\"");
+  for (const char* object : {"6081", "6081:00", "607D:00", "607D:01"}) EXPECT_EQ(refusal(object), "") << object;
+}
+
+TEST(ObjectRules, SetWithoutASubIndexWritesSubIndexZero) {
+  for (const char* object : {"6081", "6081:00"}) {
+    Stage stage(fmt::format("[[rule]]\ndo = \"set\"\nobject = \"{}\"\nvalue = 4711\n", object));
+    stage.run(1ms);
+    EXPECT_EQ(stage.x().device().dictionary().number(0x6081), 4711) << object;
+  }
+}
+
 }  // namespace
 }  // namespace servodrome::scenario::test
