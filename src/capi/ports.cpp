@@ -59,7 +59,8 @@ EthernetPort::~EthernetPort() {
 
 void EthernetPort::send(std::span<const std::uint8_t> frame, Time now, EthernetPort* other) {
   std::vector<std::uint8_t> bytes(frame.begin(), frame.end());
-  const links::EthercatBus::Passage passage = bus_.exchange(bytes, now, side_);
+  const links::EthercatBus::Passage passage =
+      bus_.exchange(bytes, now, side_, links::EthercatBus::Encapsulation::ethernet, {this});
   const bool is_lost = passage.exit == links::EthercatBus::Exit::lost;
   const bool leaves_second = passage.exit == links::EthercatBus::Exit::secondary;
   const bool here = is_lost || other == nullptr || leaves_second == (side_ == links::EthercatBus::Port::secondary);

@@ -150,13 +150,13 @@ void SegmentStage::change_bytes(std::span<std::uint8_t> frame, Encapsulation enc
 void SegmentStage::hold_back(const RuleRun& rule, std::span<const std::uint8_t> frame, unsigned frames,
                              Return& result) {
   const auto whole = frame.first(std::min(result.length.value_or(frame.size()), frame.size()));
-  held_.push_back({&rule, {whole.begin(), whole.end()}, frames});
+  held_.push_back({&rule, bus_.bus.sender(), {whole.begin(), whole.end()}, frames});
   result.lost = true;
 }
 
 void SegmentStage::release_held() {
   for (HeldFrame& one : held_) {
-    if (--one.later == 0) behind_.push_back(std::move(one.bytes));
+    if (--one.later == 0) bus_.bus.bring_back(one.sender, std::move(one.bytes));
   }
   std::erase_if(held_, [](const HeldFrame& one) { return one.later == 0; });
 }
@@ -164,7 +164,7 @@ void SegmentStage::release_held() {
 void SegmentStage::let_go(const RuleRun* rule) {
   const auto goes = [rule](const HeldFrame& one) { return rule == nullptr || one.rule == rule; };
   for (HeldFrame& one : held_) {
-    if (goes(one)) bus_.bus.bring_back(std::move(one.bytes));
+    if (goes(one)) bus_.bus.bring_back(one.sender, std::move(one.bytes));
   }
   std::erase_if(held_, goes);
 }

@@ -18,13 +18,14 @@ class SegmentStage final : public links::EthercatInterposer {
   Entry enters(std::span<std::uint8_t> frame, Encapsulation encapsulation, Time at) override;
   Return returns(std::span<std::uint8_t> frame, Encapsulation encapsulation, Time at) override;
 
-  // The frames that the rule holds back come back with the next frame; nullptr: those of all rules.
+  // The frames that the rule holds back come back with the next frame of their sender; nullptr: those of all rules.
   void let_go(const RuleRun* rule = nullptr);
 
  private:
   // A frame that comes back after frames that were sent later.
   struct HeldFrame {
     const RuleRun* rule;
+    links::EthercatSender sender;
     std::vector<std::uint8_t> bytes;
     unsigned later = 0;  // number of frames that come back before it
   };

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <iterator>
+#include <set>
 #include <unistd.h>
 
 #include "links/ethercat/client.hpp"
@@ -81,6 +82,45 @@ TEST_P(EthercatUdp, ADelayedFrameIsOvertaken) {
   one.send(2);
   EXPECT_EQ(one.receive(), Answer(2, 3));
   EXPECT_EQ(one.receive(), Answer(1, 3));
+}
+
+// Keeps the first frame until the second one has passed.
+struct KeepsFirst final : EthercatInterposer {
+  explicit KeepsFirst(EthercatBus& its_bus) : bus(its_bus) { bus.interpose(this); }
+  ~KeepsFirst() { bus.interpose(nullptr); }
+  Return returns(std::span<std::uint8_t> frame, Encapsulation, Time) override {
+    Return result;
+    if (++frames == 1) {
+      sender = bus.sender();
+      kept.assign(frame.begin(), frame.end());
+      result.lost = true;
+    } else if (frames == 2) {
+      bus.bring_back(sender, kept);
+    }
+    return result;
+  }
+  EthercatBus& bus;
+  int frames = 0;
+  EthercatSender sender;
+  Bytes kept;
+};
+
+TEST_P(EthercatUdp, AKeptFrameComesBackToItsSender) {
+  thread.reset();
+  KeepsFirst keeps(rig.bus);
+  start();
+  Master one = master();
+  Master two = master();
+  one.send(1);
+  for (const std::uint8_t i : std::initializer_list<std::uint8_t>{2, 3}) {
+    two.send(i);
+    EXPECT_EQ(two.receive(), Answer(i, 3));
+  }
+  EXPECT_EQ(two.receive(50ms), Answer());
+  one.send(4);
+  const std::set<Answer> back{one.receive(), one.receive()};
+  EXPECT_EQ(back, (std::set<Answer>{Answer(1, 3), Answer(4, 3)}));
+  thread.reset();
 }
 
 TEST_P(EthercatUdp, AMasterWhoseServerIsGoneIsTold) {

@@ -246,6 +246,29 @@ times = 2
   }
 }
 
+TEST(EthercatFrameRules, AHeldFrameComesBackToItsSender) {
+  for (const bool is_removed : {false, true}) {
+    SegmentUnderRules segment(R"(
+[[rule]]
+name = "held"
+on = { message = "frame" }
+do = "delay"
+frames = 1
+times = 1
+)");
+    links::MemoryEthercatClient other(segment.bus(), segment.line);
+    segment.send({{Command::brd, 0}}, 1);
+    if (is_removed) segment.director.remove("held");
+    for (const std::uint8_t index : std::initializer_list<std::uint8_t>{2, 3}) {
+      SegmentUnderRules::send(other, {{Command::brd, 0}}, index);
+      EXPECT_EQ(SegmentUnderRules::receive(other).at(0).index, index) << is_removed;
+      EXPECT_THAT(SegmentUnderRules::receive(other), SizeIs(0)) << is_removed;
+    }
+    segment.send({{Command::brd, 0}}, 4);
+    for (const int index : {4, 1}) EXPECT_EQ(segment.receive().at(0).index, index) << is_removed;
+  }
+}
+
 TEST(EthercatFrameRules, AFrameBehindALostOneComesBackNotInThePast) {
   struct Returns final : links::EthercatObserver {
     void on_frame(std::span<const std::uint8_t>, ethercat::Segment::Encapsulation, Direction direction,

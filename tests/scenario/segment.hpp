@@ -66,18 +66,20 @@ class SegmentUnderRules {
     std::size_t length = 2;
     std::uint64_t data = 0;
   };
-  void send(std::initializer_list<Datagram> datagrams, std::uint8_t index = 1) {
+  void send(std::initializer_list<Datagram> datagrams, std::uint8_t index = 1) { send(frames, datagrams, index); }
+  static void send(links::EthercatClient& client, std::initializer_list<Datagram> datagrams, std::uint8_t index) {
     std::array<std::uint8_t, 200> memory{};
     auto writer = ethercat::FrameWriter::payload(memory);
     for (const Datagram& one : datagrams) {
       std::memcpy(writer.add(one.command, index, one.address, one.length).data(), &one.data, one.length);
     }
-    frames.send(writer.bytes());
+    client.send(writer.bytes());
   }
   // The datagrams of the next frame that comes back within the time.
-  std::vector<Back> receive(Time within = 500us) {
+  std::vector<Back> receive(Time within = 500us) { return receive(frames, within); }
+  static std::vector<Back> receive(links::EthercatClient& client, Time within = 500us) {
     std::array<std::uint8_t, 200> memory{};
-    const std::size_t size = frames.receive(memory, within);
+    const std::size_t size = client.receive(memory, within);
     std::vector<Back> all;
     ethercat::Frame frame;
     const auto kind = ethercat::parse_payload(std::span(memory).first(size), frame);

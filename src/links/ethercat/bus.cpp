@@ -20,8 +20,9 @@ void EthercatBus::detach(std::size_t position) {
   segment_.set_powered(position, false, Time{});
 }
 
-EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, Port entry,
-                                       Encapsulation encapsulation) {
+EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, Port entry, Encapsulation encapsulation,
+                                       EthercatSender sender) {
+  sender_ = sender;
   for (EthercatObserver* observer : observers_) {
     observer->on_frame(frame, encapsulation, EthercatObserver::Direction::in, at);
   }
@@ -41,12 +42,7 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
   passage.length = frame.size();
   if (blow.drop_answer) passage.exit = Exit::lost;
   if (interposer_ != nullptr && passage.exit != Exit::lost) return_interposed(passage, frame, encapsulation);
-  if (!kept_.empty()) {
-    behind_ = std::exchange(kept_, {});
-    behind_.insert(behind_.end(), passage.behind.begin(), passage.behind.end());
-    passage.behind = behind_;
-    passage.leaves = std::max(passage.leaves, at);  // a lost frame has no time
-  }
+  if (!kept_.empty()) return_kept(passage, at);
   count(passage);
   if (passage.exit != Exit::lost) {
     for (EthercatObserver* observer : observers_) {
@@ -79,6 +75,27 @@ void EthercatBus::return_interposed(Passage& passage, std::span<std::uint8_t> fr
     if (passage.delay == Time{}) ++counters_.delayed;
     passage.delay += back.delay;
     passage.leaves += back.delay;
+  }
+}
+
+void EthercatBus::return_kept(Passage& passage, Time at) {
+  const auto returns = [this](const Kept& one) { return one.sender == sender_; };
+  behind_.clear();
+  for (Kept& one : kept_) {
+    if (returns(one)) behind_.push_back(std::move(one.bytes));
+  }
+  if (behind_.empty()) return;
+  std::erase_if(kept_, returns);
+  behind_.insert(behind_.end(), passage.behind.begin(), passage.behind.end());
+  passage.behind = behind_;
+  passage.leaves = std::max(passage.leaves, at);  // a lost frame has no time
+}
+
+void EthercatBus::bring_back(EthercatSender sender, std::vector<std::uint8_t> frame) {
+  if (kept_.size() < most_kept) {
+    kept_.push_back({sender, std::move(frame)});
+  } else {
+    ++counters_.dropped;
   }
 }
 

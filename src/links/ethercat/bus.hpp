@@ -2,8 +2,10 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "ethercat/segment.hpp"
@@ -29,6 +31,17 @@ class EthercatStation {
 struct Hop {
   Time forward{};
   Time backward{};
+};
+
+// The sender of a frame: a link or client, and the hash of the sender's address at a link with several senders.
+struct EthercatSender {
+  const void* link = nullptr;
+  std::size_t address = 0;
+
+  static EthercatSender at(const void* link, const void* address, std::size_t size) {
+    return {link, std::hash<std::string_view>{}({static_cast<const char*>(address), size})};
+  }
+  bool operator==(const EthercatSender&) const = default;
 };
 
 // Receives a copy of each frame of a bus, for logs and monitors.
@@ -84,14 +97,15 @@ class EthercatBus {
   // do what the frame left them to do. `exit` of the result tells at which port the frame comes back, or that it is
   // lost.
   Passage exchange(std::span<std::uint8_t> frame, Time at, Port entry = Port::primary,
-                   Encapsulation encapsulation = Encapsulation::ethernet) {
-    const Passage passage = pass(frame, at, entry, encapsulation);
+                   Encapsulation encapsulation = Encapsulation::ethernet, EthercatSender sender = {}) {
+    const Passage passage = pass(frame, at, entry, encapsulation, sender);
     settle(at);
     return passage;
   }
   // The two halves of exchange(), for a link that sends the frame back before the stations do their work. settle() must
   // be called before the next frame.
-  Passage pass(std::span<std::uint8_t> frame, Time at, Port entry, Encapsulation encapsulation);
+  Passage pass(std::span<std::uint8_t> frame, Time at, Port entry, Encapsulation encapsulation,
+               EthercatSender sender = {});
   void settle(Time at);
   // Considers the stations that frames have changed since forget_events(). Returns the time until which these stations
   // need not run: `never` if there are none, Esc::unknown if a frame wrote a register.
@@ -112,8 +126,11 @@ class EthercatBus {
 
   // The interposer sees every frame from now on; nullptr: none. It must outlive the bus or be removed.
   void interpose(EthercatInterposer* interposer) { interposer_ = interposer; }
-  // Lets a frame that an interposer has kept come back behind the next frame that is sent.
-  void bring_back(std::vector<std::uint8_t> frame) { kept_.push_back(std::move(frame)); }
+  // The sender of the frame that passes now, for an interposer that keeps the frame.
+  const EthercatSender& sender() const { return sender_; }
+  // Lets a frame that an interposer has kept come back behind the next frame of its sender; within
+  // EthercatInterposer::returns() also behind the frame that passes now.
+  void bring_back(EthercatSender sender, std::vector<std::uint8_t> frame);
 
   const EthercatCounters& counters() const { return counters_; }
 
@@ -132,6 +149,7 @@ class EthercatBus {
   Blow draw();
   void enter_interposed(Blow& blow, std::span<std::uint8_t> frame, Encapsulation encapsulation, Time at);
   void return_interposed(Passage& passage, std::span<std::uint8_t> frame, Encapsulation encapsulation);
+  void return_kept(Passage& passage, Time at);
   void count(const ethercat::Segment::Passage& passage);
 
   std::vector<EthercatStation*> stations_;
@@ -140,7 +158,14 @@ class EthercatBus {
   ethercat::Esc absent_{{}};  // in place of a detached station's controller
   std::vector<EthercatObserver*> observers_;
   EthercatInterposer* interposer_ = nullptr;
-  std::vector<std::vector<std::uint8_t>> kept_;    // by interposers, until the next frame
+  // A frame that an interposer has kept, until its sender sends the next one.
+  struct Kept {
+    EthercatSender sender;
+    std::vector<std::uint8_t> bytes;
+  };
+  static constexpr std::size_t most_kept = 1024;  // further ones are lost
+  EthercatSender sender_;
+  std::vector<Kept> kept_;
   std::vector<std::vector<std::uint8_t>> behind_;  // of the last frame, if some were kept
   std::optional<EthercatDisturbance> disturbance_;
   std::uint32_t disturbed_frames_ = 0;

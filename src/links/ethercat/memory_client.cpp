@@ -10,7 +10,7 @@ namespace servodrome::links {
 void MemoryEthercatClient::send(std::span<const std::uint8_t> content) {
   check_content_size(content.size(), name());
   std::vector<std::uint8_t> bytes(content.begin(), content.end());
-  const EthercatBus::Passage passage = bus_.exchange(bytes, now(), port_, EthercatBus::Encapsulation::payload);
+  const EthercatBus::Passage passage = bus_.exchange(bytes, now(), port_, EthercatBus::Encapsulation::payload, {this});
   bytes.resize(passage.length);
   if (passage.exit != EthercatBus::Exit::lost) keep(passage.leaves, std::move(bytes));
   for (const std::vector<std::uint8_t>& extra : passage.behind) keep(passage.leaves, extra);

@@ -82,7 +82,7 @@ std::size_t RawLink::serve(Side& side) {
     const Time at = host_.frame_time();
     std::size_t count = 0;
     for (;;) {
-      const auto passage = bus_.pass(frame, at, side.port, EthercatBus::Encapsulation::ethernet);
+      const auto passage = bus_.pass(frame, at, side.port, EthercatBus::Encapsulation::ethernet, {&side});
       if (passage.kind != ethercat::FrameKind::ethercat) ++counters_.malformed;
       if (passage.exit != EthercatBus::Exit::lost) {
         Side& exit = side_of(passage.exit);

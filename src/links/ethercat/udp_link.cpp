@@ -58,8 +58,10 @@ std::size_t EthercatUdpLink::serve() {
   for (std::size_t i = 0; i < count; ++i) {
     if (i > 0) bus_.settle(at);
     const std::size_t size = incoming_[i].msg_len;
-    const auto passage = bus_.pass(std::span(packets_[i].bytes).first(size), at, EthercatBus::Port::primary,
-                                   EthercatBus::Encapsulation::payload);
+    const msghdr& message = incoming_[i].msg_hdr;
+    const auto passage =
+        bus_.pass(std::span(packets_[i].bytes).first(size), at, EthercatBus::Port::primary,
+                  EthercatBus::Encapsulation::payload, EthercatSender::at(this, message.msg_name, message.msg_namelen));
     if (passage.kind != ethercat::FrameKind::ethercat) ++counters_.malformed;
     packets_[i].memory.iov_len = passage.length;
     for (const auto& extra : passage.behind) send_later(incoming_[i], extra, passage.delay);

@@ -103,7 +103,8 @@ class EthercatUdpLink final : public EthercatLink {
   void serve(std::size_t size) {
     const Time at = host_.frame_time();
     const std::span<std::uint8_t> frame = std::span(bytes_).first(size);
-    const auto passage = bus_.pass(frame, at, EthercatBus::Port::primary, EthercatBus::Encapsulation::payload);
+    const auto passage = bus_.pass(frame, at, EthercatBus::Port::primary, EthercatBus::Encapsulation::payload,
+                                   EthercatSender::at(this, sender_.data(), sender_.size()));
     if (passage.kind != ethercat::FrameKind::ethercat) ++counters_.malformed;
     if (passage.exit != EthercatBus::Exit::lost) {
       if (passage.delay > Time{}) {
