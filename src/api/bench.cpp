@@ -54,4 +54,11 @@ Json Bench::refuse(Call&) {
 
 RouteGroup bench_routes(Bench& bench) { return {table, &bench}; }
 
+std::vector<Route> refused(std::initializer_list<std::span<const Route>> tables) {
+  std::vector<Route> routes;
+  for (const std::span<const Route> one : tables) routes.insert(routes.end(), one.begin(), one.end());
+  for (Route& route : routes) route.act = Bench::refuse;
+  return routes;
+}
+
 }  // namespace servodrome::api

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <initializer_list>
+
 #include "api/routes.hpp"
 
 namespace servodrome::api {
@@ -44,12 +46,13 @@ class Bench {
 
   // The reason in the refusal of a capability.
   static constexpr const char* no_plant = "these are drives on a bus, and the program can only use what the bus offers";
-
- private:
-  static Json refuse(Call& call);
+  static Json refuse(Call& call);  // throws ApiError 409
 };
 
 // The routes that every server of the API has. `bench` must outlive the requests.
 RouteGroup bench_routes(Bench& bench);
+
+// The routes of libraries above this one that a bench without their capability refuses like its own (409).
+std::vector<Route> refused(std::initializer_list<std::span<const Route>> tables);
 
 }  // namespace servodrome::api

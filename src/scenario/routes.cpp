@@ -65,7 +65,7 @@ Scenario checked(ScenarioFile found) {
 Routes::Routes(line::Line& line) : line_(line) {}
 Routes::~Routes() = default;
 
-api::RouteGroup Routes::group() { return {route_table, this}; }
+std::span<const api::Route> Routes::table() { return route_table; }
 
 Json Routes::begin(const std::string& body) {
   api::BodyReader reader(body);

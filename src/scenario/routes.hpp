@@ -18,8 +18,9 @@ class Routes {
   Routes(const Routes&) = delete;
   Routes& operator=(const Routes&) = delete;
 
+  static std::span<const api::Route> table();
   // The group refers to this object.
-  api::RouteGroup group();
+  api::RouteGroup group() { return {table(), this}; }
 
   enum class Extra : std::uint8_t { none, standard_expectations };
   // Begins a scenario in place of the present one, and returns its director, which is valid until the next one begins.

@@ -122,6 +122,6 @@ constexpr std::array bode_table{Route{Method::get, "/api/v1/recordings/{}/bode?i
 
 }  // namespace
 
-api::RouteGroup BodePlots::routes() { return {bode_table, this}; }
+std::span<const api::Route> BodePlots::table() { return bode_table; }
 
 }  // namespace servodrome::studio

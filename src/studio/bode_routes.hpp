@@ -9,8 +9,9 @@ class BodePlots {
  public:
   explicit BodePlots(api::FindRecording find) : find_(std::move(find)) {}
 
+  static std::span<const api::Route> table();
   // The returned group refers to this object.
-  api::RouteGroup routes();
+  api::RouteGroup routes() { return {table(), this}; }
   const api::FindRecording& find() const { return find_; }
 
  private:

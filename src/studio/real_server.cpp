@@ -7,7 +7,10 @@
 
 #include "api/request.hpp"
 #include "api/upgrade.hpp"
+#include "scenario/routes.hpp"
+#include "studio/bode_routes.hpp"
 #include "studio/real_traffic.hpp"
+#include "studio/trial_routes.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -37,9 +40,16 @@ RealServer::RealServer(RealDrives& drives, const Settings& settings)
       project_(settings.project),
       traffic_([&drives](const api::Call& call) { return find_real_traffic(drives, call); },
                [&drives] { return drives.wall_epoch(); }),
-      groups_{
-          api::bench_routes(bench_), jobs_.routes(),   parameter_routes(drives), pdo_routes(drives),
-          change_routes_.group(),    project_.group(), traffic_.routes(),        {api::recording_routes(), &scope_}} {
+      refused_(api::refused({scenario::Routes::table(), TrialRoutes::table(), BodePlots::table()})),
+      groups_{api::bench_routes(bench_),
+              jobs_.routes(),
+              parameter_routes(drives),
+              pdo_routes(drives),
+              change_routes_.group(),
+              project_.group(),
+              traffic_.routes(),
+              {api::recording_routes(), &scope_},
+              {refused_}} {
   const auto publish = [this](const api::Json& event) { scope_.publish(event); };
   jobs_.on_event(publish);
   project_.on_event(publish);

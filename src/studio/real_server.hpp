@@ -76,6 +76,7 @@ class RealServer {
   ChangeRoutes change_routes_;
   ProjectRoutes project_;
   Traffic traffic_;
+  std::vector<api::Route> refused_;  // they need simulated drives
   std::vector<api::RouteGroup> groups_;
   std::list<Pending> pending_;
   master::Time looked_{};  // time of the last look()

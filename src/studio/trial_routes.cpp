@@ -44,7 +44,7 @@ constexpr std::array trial_table{
 
 }  // namespace
 
-api::RouteGroup TrialRoutes::group() { return {trial_table, this}; }
+std::span<const api::Route> TrialRoutes::table() { return trial_table; }
 
 scenario::Director& TrialRoutes::director() const {
   if (record_ == nullptr) {

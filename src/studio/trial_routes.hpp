@@ -14,8 +14,9 @@ class TrialRoutes {
   // Both must outlive this object. The trial is the scenario of `scenarios`.
   TrialRoutes(line::Line& line, scenario::Routes& scenarios) : line_(line), scenarios_(scenarios) {}
 
+  static std::span<const api::Route> table();
   // The group refers to this object.
-  api::RouteGroup group();
+  api::RouteGroup group() { return {table(), this}; }
 
   // Begins: {"text", "file"}; {"after_s"} is the time for which the line will run on after the end of the master.
   api::Json begin(const std::string& body);

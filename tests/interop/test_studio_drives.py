@@ -86,6 +86,12 @@ def test_what_only_simulated_drives_have_is_refused_with_the_reason(studio):
         ("DELETE", f"buses/{bus}/disturb", None),
         ("PUT", "clock", {"speed": 2}),
         ("POST", "clock/advance", {"ms": 1}),
+        ("GET", "scenario", None),
+        ("PUT", "scenario", {"text": ""}),
+        ("DELETE", "scenario/rules/any", None),
+        ("PUT", "trial", {"text": ""}),
+        ("DELETE", "trial", None),
+        ("GET", "recordings/1/bode?input=0&output=1", None),
     ]
     for method, path, body in calls:
         with pytest.raises(ApiError) as refusal:

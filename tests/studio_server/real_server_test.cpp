@@ -198,6 +198,26 @@ TEST(EndingServerOfTwo, StopsBothAxesAtOnceWithoutTheirJobs) {
   EXPECT_NEAR(rig.shaft_counts(0), stood, 100.0);
 }
 
+TEST(RealServerTest, RoutesThatNeedSimulatedDrivesAreRefused) {
+  master::test::AxisRig rig{{"generic402"}};
+  Controlwords noted;
+  RealDrives drives({plan_of(rig, noted)});
+  RealServer server(drives, {.address = "127.0.0.1", .port = 0});
+  std::thread thread([&server] { server.run(); });
+  using Call = std::pair<const char*, const char*>;
+  for (const auto& [method, target] :
+       {Call{"GET", "scenario"}, Call{"PUT", "scenario"}, Call{"DELETE", "scenario"}, Call{"POST", "scenario/master"},
+        Call{"GET", "scenario/actions"}, Call{"GET", "scenario/rules"}, Call{"POST", "scenario/rules"},
+        Call{"DELETE", "scenario/rules/any"}, Call{"PUT", "trial"}, Call{"DELETE", "trial"},
+        Call{"POST", "trial/master"}, Call{"POST", "trial/report"}, Call{"GET", "recordings/1/bode?input=0"}}) {
+    const std::string answer = ask(server.port(), method, target, "");
+    EXPECT_THAT(answer, testing::StartsWith("HTTP/1.1 409")) << method << " " << target;
+    EXPECT_THAT(answer, testing::HasSubstr("simulated drives only")) << method << " " << target;
+  }
+  boost::asio::post(server.io(), [&server] { server.stop(); });
+  thread.join();
+}
+
 // The answer does not depend on the jobs, which are forgotten.
 TEST(RealDrivesTest, AnAxisMayMoveFromItsFirstJobUntilAStop) {
   master::test::AxisRig rig{{"generic402"}, 2};
