@@ -149,14 +149,17 @@ TEST(RulesByHand, AReplacementLosesNoDelayedFrame) {
   EXPECT_EQ(answers, 3U);
 }
 
-TEST(RulesByHand, DuringATrialNoScenarioReplacesIt) {
+TEST(RulesByHand, DuringATrialNoScenarioReplacesItAndNoRuleLeaves) {
   Bench bench;
-  bench.routes.begin("title = \"trial\"\n", "s.toml", Routes::Extra::standard_expectations);
+  bench.routes.begin("title = \"trial\"\n[[rule]]\nname = \"off\"\naxis = \"right\"\ndo = \"power\"\n", "s.toml",
+                     Routes::Extra::standard_expectations);
   bench.routes.begin_trial();
   EXPECT_THAT(refusal([&] { bench.routes.begin(body("title = \"other\"\n")); }), HasSubstr("a trial runs"));
   EXPECT_THAT(refusal([&] { bench.routes.end(); }), HasSubstr("a trial runs"));
   EXPECT_EQ(bench.routes.show()["title"], "trial");
-  EXPECT_EQ(bench.routes.add_rules(body(hides))["rules"].size(), 1U);
+  EXPECT_EQ(bench.routes.add_rules(body(hides))["rules"].size(), 2U);
+  EXPECT_THAT(refusal([&] { bench.routes.remove_rule("off"); }), HasSubstr("a trial runs"));
+  EXPECT_FALSE(bench.line.find_axis("right")->powered());
   bench.routes.director()->finish();
   bench.routes.end_trial();
   EXPECT_EQ(bench.routes.begin(body("title = \"other\"\n"))["title"], "other");
