@@ -1,4 +1,5 @@
 // `scope`: records objects of a drive, with a trigger, while a script or another master moves it.
+#include <algorithm>
 #include <filesystem>
 #include <fmt/format.h>
 #include <fstream>
@@ -36,6 +37,8 @@ struct Options {
   bool plot = false;
 
   bool moves() const { return !script.empty() || !script_lines.empty(); }
+  // Standard output is a text, neither JSON nor a file.
+  bool prints_text() const { return !bus.json && std::find(files.begin(), files.end(), "-") == files.end(); }
 };
 
 constexpr double usual_duration_s = 1.0;
@@ -149,7 +152,7 @@ struct Outcome {
   std::string remark{};
   std::string noun{};
   unsigned address = 0;
-  std::vector<std::string> said{};      // output of the script
+  std::vector<std::string> said{};      // output of the script, for JSON
   std::vector<std::string> problems{};  // reasons for an early end, and errors after it
   bool interrupted = false;
 };
@@ -230,6 +233,8 @@ class Session {
       const bool speaks = step.verb == master::script::Verb::print || step.verb == master::script::Verb::get ||
                           step.verb == master::script::Verb::wait_probe;
       if (speaks) outcome.said.push_back(said);
+      if (speaks && options_.prints_text()) fmt::print("{}\n", said);
+      if (std::fflush(stdout) != 0) throw Failure::lost_output();
       sampler_->check();
     };
     // A slave that leaves OP while its motor is on goes to fault.
@@ -276,7 +281,6 @@ std::string step_text(const std::string& name, const scope::StepResponse& step) 
 std::string text_of(const Options& options, const Outcome& outcome) {
   const scope::Recording& recording = outcome.recording;
   std::string text;
-  for (const std::string& said : outcome.said) text += said + '\n';
   if (options.plot || on_terminal()) {
     constexpr unsigned scale_and_edge = 14;
     text += scope::terminal_plot_of(recording, terminal_columns() - scale_and_edge, 6);
