@@ -63,16 +63,20 @@ void BusSamples::note(std::int64_t tick, std::span<const std::byte> bytes) {
 
 void BusSamples::skip(std::int64_t tick) { next_ = (tick / sampling_.period + 1) * sampling_.period; }
 
-void BusSamples::advance(std::int64_t end, bool answers) {
+void BusSamples::fetch(std::int64_t end) {
   const std::lock_guard lock(mutex_);
+  for (; count_ > 0 && values_[begin_].row < end; --count_) {
+    fetched_.push_back(values_[begin_]);
+    begin_ = (begin_ + 1) % values_.size();
+  }
+}
+
+void BusSamples::fill(std::int64_t end, bool answers) {
   while (due() < end) put(due(), answers);
 }
 
 void BusSamples::put(std::int64_t row, bool answers) {
-  for (; count_ > 0 && values_[begin_].row <= row; --count_) {
-    held_ = values_[begin_];
-    begin_ = (begin_ + 1) % values_.size();
-  }
+  for (; !fetched_.empty() && fetched_.front().row <= row; fetched_.pop_front()) held_ = fetched_.front();
   const std::int64_t age = row - held_.row;
   auto taken = api::Taken::held;
   double value = answers ? held_.value : not_sampled;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <mutex>
 #include <optional>
@@ -56,8 +57,11 @@ class BusSamples final : public api::Samples {
   void skip(std::int64_t tick);  // reading failed at this tick
 
   // --- Called by the thread of the server
-  // Fills the rows of all ticks before `end`, which have passed. `answers`: the drive communicates.
-  void advance(std::int64_t end, bool answers);
+  // Fetches the values of rows before `end`. Short, because the thread of the bus may wait for it.
+  void fetch(std::int64_t end);
+  // Fills the rows of all ticks before `end`, which have passed, with the values that fetch() has fetched. `answers`:
+  // the drive communicates.
+  void fill(std::int64_t end, bool answers);
   bool counts() const override { return true; }
   api::Taken taken(std::int64_t tick) const override;
 
@@ -88,6 +92,7 @@ class BusSamples final : public api::Samples {
   std::size_t count_ = 0;
 
   // Used only by the thread of the server
+  std::deque<Value> fetched_;
   Value held_;
 };
 

@@ -183,10 +183,15 @@ std::int64_t RealDrives::take_samples(std::int64_t end) {
   for (std::size_t bus = 0; bus < buses_.size(); ++bus) {
     if (sampled_[bus].empty()) continue;
     const DriveBus::State state = buses_[bus]->state();
-    const auto held = buses_[bus]->cycle().between_cycles();
+    std::vector<std::shared_ptr<BusSamples>> present;
     for (const auto& [key, its] : sampled_[bus]) {
-      if (const auto samples = its.lock()) samples->advance(advanced_, !state.drives[samples->drive()].problem);
+      if (auto samples = its.lock()) present.push_back(std::move(samples));
     }
+    {
+      const auto held = buses_[bus]->cycle().between_cycles();
+      for (const auto& samples : present) samples->fetch(advanced_);
+    }
+    for (const auto& samples : present) samples->fill(advanced_, !state.drives[samples->drive()].problem);
   }
   return advanced_;
 }

@@ -28,8 +28,13 @@ void note(BusSamples& samples, std::int64_t tick, std::int32_t value) {
   samples.note(tick, std::as_bytes(std::span(&value, 1)));
 }
 
+void advance(BusSamples& samples, std::int64_t end, bool answers = true) {
+  samples.fetch(end);
+  samples.fill(end, answers);
+}
+
 std::vector<Taken> taken_until(BusSamples& samples, std::int64_t end) {
-  samples.advance(end, true);
+  advance(samples, end);
   std::vector<Taken> taken;
   for (std::int64_t tick = samples.stride(); tick < end; tick += samples.stride()) taken.push_back(samples.taken(tick));
   return taken;
@@ -60,13 +65,26 @@ TEST(BusSamplesTest, RowsBetweenSlowerValuesHoldTheLastOne) {
                                                      Taken::sampled, Taken::held, Taken::held));
   EXPECT_EQ(samples.at(64), 7);
   EXPECT_EQ(samples.at(112), 8);
-  samples.advance(400, true);
+  advance(samples, 400);
   EXPECT_EQ(samples.at(160), 8) << "may be late by half a period";
   EXPECT_THAT(samples.at(192), IsNan());
   const auto missed = [&](std::int64_t tick) { return samples.taken(tick) == Taken::missed; };
   EXPECT_TRUE(missed(176));
   EXPECT_FALSE(missed(192)) << "one missed value is counted once";
   EXPECT_TRUE(missed(240));
+}
+
+// The thread of the bus may note values while the server fills rows.
+TEST(BusSamplesTest, RowsAreFilledWithTheValuesThatWereFetched) {
+  BusSamples samples{0, {0x6064, 0}, number_of, {.by = Sampling::By::cycle, .period = 16}, 16, 16};
+  for (const std::int64_t tick : {16, 32, 48}) note(samples, tick, static_cast<std::int32_t>(tick));
+  samples.fetch(33);
+  note(samples, 64, 64);
+  samples.fill(33, true);
+  EXPECT_EQ(samples.due(), 48);
+  for (const std::int64_t row : {16, 32}) EXPECT_EQ(samples.at(row), row);
+  EXPECT_THAT(taken_until(samples, 65), testing::Each(Taken::sampled));
+  for (const std::int64_t row : {48, 64}) EXPECT_EQ(samples.at(row), row);
 }
 
 TEST(BusSamplesTest, OfSeveralCyclesTheNearestToTheRowCounts) {
@@ -79,8 +97,8 @@ TEST(BusSamplesTest, OfSeveralCyclesTheNearestToTheRowCounts) {
 TEST(BusSamplesTest, ADriveThatDoesNotAnswerHoldsNoValue) {
   BusSamples samples{0, {0x6064, 0}, number_of, {.by = Sampling::By::reading, .period = 160}, 16, 16};
   note(samples, 16, 7);
-  samples.advance(33, true);
-  samples.advance(65, false);
+  advance(samples, 33);
+  advance(samples, 65, false);
   EXPECT_EQ(samples.at(32), 7);
   EXPECT_THAT(samples.at(48), IsNan());
 }
@@ -128,8 +146,8 @@ TEST_F(CycleSamplerTest, TakesTheInputsOfBothDrivesInEachCycle) {
   const auto first = sample(0);
   const auto second = sample(1);
   rig_.objects(1).wait(200ms);
-  first->advance(end(), true);
-  second->advance(end(), true);
+  advance(*first, end());
+  advance(*second, end());
   std::set<double> positions;
   for (std::int64_t tick = begin; tick < begin + 16 * 180; tick += 16) {
     EXPECT_EQ(first->taken(tick), Taken::sampled) << tick;
@@ -146,7 +164,7 @@ TEST_F(CycleSamplerTest, CountsTheCyclesWithoutInputs) {
   rig_.ethercat->wait(5ms);
   rig_.line.ethercat_buses()[0]->bus.disturb({});
   rig_.ethercat->wait(20ms);
-  samples->advance(end(), true);
+  advance(*samples, end());
   int missed = 0;
   for (std::int64_t tick = 64; tick < end() / 16 * 16; tick += 16) missed += samples->taken(tick) == Taken::missed;
   EXPECT_EQ(missed, 5);

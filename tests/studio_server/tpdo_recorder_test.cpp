@@ -48,7 +48,8 @@ class TpdoRecorderTest : public testing::Test {
   std::int64_t now() const { return (rig_.line.now() - start_) / 62'500ns; }
   // How the rows of 100 ms were taken, from 10 ms on.
   std::vector<Taken> taken(BusSamples& samples) {
-    samples.advance(now() - 160, true);
+    samples.fetch(now() - 160);
+    samples.fill(now() - 160, true);
     std::vector<Taken> taken;
     for (int i = 10; i < 110; ++i) taken.push_back(samples.taken(begin_ + 16 * i));
     return taken;
@@ -182,7 +183,8 @@ TEST_F(TpdoRecorderTest, SynchronousTpdosHaveTheTimeOfTheirSync) {
     heard_.hear(false, sync, at);
     heard_.hear(false, tpdo, at + 900us);
   }
-  samples.advance(16 * 20 + 1, true);
+  samples.fetch(16 * 20 + 1);
+  samples.fill(16 * 20 + 1, true);
   for (int i = 1; i <= 20; ++i) EXPECT_EQ(samples.at(16 * i), i);
   EXPECT_EQ(heard_.use(start_ + 21ms).sync_period, 1ms);
   heard_.forget(start_ + 21ms);
