@@ -13,21 +13,17 @@ namespace servodrome::app {
 
 using dictionary::Type;
 
-namespace {
-
-master::ObjectCatalogue read_catalogue(const std::string& eds) {
-  if (eds.empty()) return master::ObjectCatalogue::standard();
+std::optional<master::ObjectCatalogue> data_sheet(const std::string& eds) {
+  if (eds.empty()) return std::nullopt;
   std::ifstream file(eds);
   if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", eds));
   return master::ObjectCatalogue::read_eds(file, eds);
 }
 
-}  // namespace
-
-ObjectNames::ObjectNames(const std::string& eds) : has_eds_(!eds.empty()), given_(read_catalogue(eds)) {}
+ObjectNames::ObjectNames(const std::string& eds) : sheet_(data_sheet(eds)) {}
 
 const master::ObjectCatalogue& ObjectNames::of(DriveLink& link) const {
-  return has_eds_ || link.product() == nullptr ? given_ : link.catalogue();
+  return has_eds() || link.product() == nullptr ? without_drive() : link.catalogue();
 }
 
 master::ObjectAddress resolve(const master::ObjectCatalogue& catalogue, const std::string& text) {

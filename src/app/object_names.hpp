@@ -23,20 +23,24 @@ nlohmann::ordered_json object_json(const master::ObjectCatalogue& catalogue, uns
                                    master::ObjectAddress object, std::span<const std::byte> bytes,
                                    std::optional<dictionary::Type> type);
 
+// The objects of --eds; nullopt: no path is given. Throws Failure if the file cannot be read.
+std::optional<master::ObjectCatalogue> data_sheet(const std::string& eds);
+
 // The source of object names for a command line: --eds, or the standard, or the drive's product.
 class ObjectNames {
  public:
   // `eds`: the given path, or "". Throws Failure if it cannot be read.
   explicit ObjectNames(const std::string& eds);
 
-  const master::ObjectCatalogue& without_drive() const { return given_; }
-  bool has_eds() const { return has_eds_; }
+  const master::ObjectCatalogue& without_drive() const {
+    return sheet_ ? *sheet_ : master::ObjectCatalogue::standard();
+  }
+  bool has_eds() const { return sheet_.has_value(); }
   // Asks the drive for its product, since names, types and units may be specific to it.
   const master::ObjectCatalogue& of(DriveLink& link) const;
 
  private:
-  bool has_eds_;
-  master::ObjectCatalogue given_;
+  std::optional<master::ObjectCatalogue> sheet_;
 };
 
 }  // namespace servodrome::app

@@ -34,6 +34,18 @@ def rows_of(file):
         return list(csv.DictReader(text))
 
 
+def test_a_script_knows_the_objects_of_its_product(scope, tmp_path):
+    script = tmp_path / "own.script"
+    checks = 'set 2020:02 15\nexpect 2020:02 == 15\nget "Brake engage delay"\n'
+    script.write_text("axis reference 2 product generic402\n" + checks)
+    said = scope("position", "--run", str(script))
+    assert "15" in said.splitlines()[0], said
+    lines = [word for line in checks.splitlines() for word in ("--do", line)]
+    assert "15" in scope("position", "--product", "generic402", *lines).splitlines()[0]
+    script.write_text("axis reference 2 product generic403\n")
+    assert "generic403" in scope("position", "--run", str(script), status=2)
+
+
 def test_what_it_prints(scope):
     said = scope("position", "statusword", "--seconds", "0.3")
     assert "node 2: " in said and "samples of 2 channels" in said and "TPDOs on SYNC" in said, said

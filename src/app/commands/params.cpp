@@ -3,13 +3,13 @@
 #include <filesystem>
 #include <fmt/chrono.h>
 #include <fmt/format.h>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "app/bus_options.hpp"
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
+#include "app/object_names.hpp"
 #include "app/whole_file.hpp"
 #include "catalogue/product.hpp"
 #include "links/nearest_name.hpp"
@@ -34,12 +34,6 @@ struct Options {
   bool factory = false;      // diff
 };
 
-master::ObjectCatalogue read_sheet(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", path));
-  return master::ObjectCatalogue::read_eds(file, path);
-}
-
 master::ParameterFile read_file(const std::string& path) {
   std::istringstream file(read_text_file(path, fmt::format("\"{}\", a file of parameters", path)));
   return master::ParameterFile::read(file, path);
@@ -62,8 +56,8 @@ struct Drive {
  private:
   master::ParameterList list_of(const Options& options) {
     const catalogue::ParameterRules& rules = catalogue::product_of(product()).rules;
-    if (!options.eds.empty()) {
-      return master::ParameterList::of_data_sheet(read_sheet(options.eds), rules, options.connection);
+    if (const auto sheet = data_sheet(options.eds)) {
+      return master::ParameterList::of_data_sheet(*sheet, rules, options.connection);
     }
     if (link.product() != nullptr) {
       const describe::Description description = link.product()->describe();

@@ -4,16 +4,16 @@
 #include <algorithm>
 #include <filesystem>
 #include <fmt/format.h>
-#include <fstream>
 #include <functional>
 #include <iostream>
 #include <iterator>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "app/commands.hpp"
 #include "app/drive_group.hpp"
+#include "app/object_names.hpp"
+#include "app/script_file.hpp"
 #include "app/whole_file.hpp"
 
 namespace servodrome::app {
@@ -35,46 +35,10 @@ std::string text_of(const Options& options) {
   return read_text_file(options.script, fmt::format("run: {}", options.script), true);
 }
 
-// The objects of the products that a script or --product names, as their bus sees them.
-class Catalogues {
- public:
-  explicit Catalogues(const BusOptions& options) {
-    const BusKind kind = bus_kind(options).kind;
-    serial_ = kind == BusKind::modbus || kind == BusKind::serial10;
-  }
-  const master::ObjectCatalogue* of(const std::string& name) {
-    const line::Product* const product = line::find_product(line::all_products(), name);
-    if (product == nullptr) return nullptr;
-    auto& place = made_[name];
-    if (!place) {
-      const describe::Description description = product->describe();
-      place = std::make_unique<master::ObjectCatalogue>(
-          master::ObjectCatalogue::of(serial_ ? description.service_table : description.table));
-    }
-    return place.get();
-  }
-
- private:
-  bool serial_ = false;
-  std::map<std::string, std::unique_ptr<master::ObjectCatalogue>> made_;
-};
-
 Script parsed(const Options& options) {
   const std::string name = options.script == "-" ? "standard input" : options.script;
-  try {
-    if (options.eds.empty()) {
-      Catalogues catalogues(options.bus);
-      named_product(options.bus);  // throws if there is no such product
-      const master::ObjectCatalogue* const own = catalogues.of(options.bus.product);
-      return master::script::parse(text_of(options), name, own != nullptr ? *own : master::ObjectCatalogue::standard(),
-                                   [&catalogues](const std::string& product) { return catalogues.of(product); });
-    }
-    std::ifstream file(options.eds);
-    if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", options.eds));
-    return master::script::parse(text_of(options), name, master::ObjectCatalogue::read_eds(file, options.eds));
-  } catch (const master::script::ScriptMistakes& mistakes) {
-    throw Failure::wrong_use(fmt::format("the script has mistakes, and nothing was moved:\n{}", mistakes.what()));
-  }
+  const auto sheet = data_sheet(options.eds);
+  return parse_script(text_of(options), name, options.bus, sheet ? &*sheet : nullptr);
 }
 
 // Checks the axes before anything moves: a port that has parameters only cannot command motion.

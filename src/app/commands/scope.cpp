@@ -2,13 +2,14 @@
 #include <algorithm>
 #include <filesystem>
 #include <fmt/format.h>
-#include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
+#include "app/object_names.hpp"
+#include "app/script_file.hpp"
 #include "app/whole_file.hpp"
 #include "scope/files.hpp"
 #include "scope/measurements.hpp"
@@ -65,13 +66,6 @@ const FileFormat& format_of(const std::string& file) {
   throw Failure::wrong_use(fmt::format("-o {}: unknown file type; the name must end in .csv, .mcap or .svg", file));
 }
 
-std::optional<master::ObjectCatalogue> data_sheet(const Options& options) {
-  if (options.eds.empty()) return std::nullopt;
-  std::ifstream file(options.eds);
-  if (!file) throw Failure::wrong_use(fmt::format("--eds {}: cannot be read; check the path", options.eds));
-  return master::ObjectCatalogue::read_eds(file, options.eds);
-}
-
 std::string script_text(const Options& options) {
   std::string text;
   for (const std::string& line : options.script_lines) text += line + '\n';
@@ -80,26 +74,22 @@ std::string script_text(const Options& options) {
 }
 
 // The axis of the script may give the node and the product of the drive.
-std::optional<master::script::Script> parsed_script(Options& options, const master::ObjectCatalogue& catalogue) {
+std::optional<master::script::Script> parsed_script(Options& options, const master::ObjectCatalogue* sheet) {
   if (!options.moves()) return std::nullopt;
   const std::string name = options.script.empty() ? "--do" : options.script;
-  try {
-    master::script::Script script = master::script::parse(script_text(options), name, catalogue);
-    if (script.axes.size() != 1) {
-      throw Failure::wrong_use(
-          fmt::format("{}: it has {} axes, but only one drive is recorded and can be moved", name, script.axes.size()));
-    }
-    const master::script::AxisDeclaration& axis = script.axes.front();
-    if (axis.node != 0 && options.bus.node_id != 0 && axis.node != options.bus.node_id) {
-      throw Failure::wrong_use(
-          fmt::format("{}: its axis is node {}, but --node {} is recorded", name, axis.node, options.bus.node_id));
-    }
-    if (axis.node != 0) options.bus.node_id = axis.node;
-    if (!axis.product.empty()) options.bus.product = axis.product;
-    return script;
-  } catch (const master::script::ScriptMistakes& mistakes) {
-    throw Failure::wrong_use(fmt::format("the script has mistakes, and nothing was moved:\n{}", mistakes.what()));
+  master::script::Script script = parse_script(script_text(options), name, options.bus, sheet);
+  if (script.axes.size() != 1) {
+    throw Failure::wrong_use(
+        fmt::format("{}: it has {} axes, but only one drive is recorded and can be moved", name, script.axes.size()));
   }
+  const master::script::AxisDeclaration& axis = script.axes.front();
+  if (axis.node != 0 && options.bus.node_id != 0 && axis.node != options.bus.node_id) {
+    throw Failure::wrong_use(
+        fmt::format("{}: its axis is node {}, but --node {} is recorded", name, axis.node, options.bus.node_id));
+  }
+  if (axis.node != 0) options.bus.node_id = axis.node;
+  if (!axis.product.empty()) options.bus.product = axis.product;
+  return script;
 }
 
 // ---- Channels ----
@@ -371,8 +361,8 @@ void record(Options options) {
   } catch (const scope::TriggerError& error) {
     throw Failure::wrong_use(fmt::format("{}; {}", error.what(), error.hint()));
   }
-  const auto sheet = data_sheet(options);
-  const auto script = parsed_script(options, sheet ? *sheet : master::ObjectCatalogue::standard());
+  const auto sheet = data_sheet(options.eds);
+  const auto script = parsed_script(options, sheet ? &*sheet : nullptr);
 
   const InterruptGuard guard;
   Outcome outcome = Session(options, trigger, script, sheet).run();
