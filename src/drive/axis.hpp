@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <limits>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "drive/cause_set.hpp"
 #include "drive/generator.hpp"
@@ -211,12 +213,20 @@ struct Axis {
     return dwell.update(condition, condition ? cycles(milliseconds) : 0);
   }
 
-  // Returns true if the product has the fault.
+  // Returns true if the product has the fault and does not ignore it.
   bool monitors(Cause cause) const {
-    return std::any_of(policy.faults.rows.begin(), policy.faults.rows.end(),
+    return !configuration.ignored.test(cause) &&
+           std::any_of(policy.faults.rows.begin(), policy.faults.rows.end(),
                        [cause](const FaultRow& row) { return row.cause == cause; });
   }
-  // A cause that is no fault of the product has no effect, and hides none.
+  // Returns the first cause that is present and monitored, or Cause::none.
+  Cause first_monitored(std::initializer_list<std::pair<bool, Cause>> causes) const {
+    for (const auto& [present, cause] : causes) {
+      if (present && monitors(cause)) return cause;
+    }
+    return Cause::none;
+  }
+  // A cause that is not monitored has no effect, and hides none.
   void raise(Cause cause) {
     if (raised == Cause::none && monitors(cause)) raised = cause;
   }

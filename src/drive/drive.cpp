@@ -21,7 +21,6 @@ Drive::Drive(const Policy& policy, Objects& objects, std::size_t objects_base)
       axis_{.objects = objects, .policy = policy},
       touch_probe_(TouchProbeCapability{}) {
   for (const StatusBit& row : policy.status.bits) shown_sources_ |= bit(row.source);
-  for (const FaultRow& row : policy.faults.rows) measured_.comparators |= Supervision::comparator_of(row.cause);
   set_mode(Mode::none);
   set_rates();
   axis_.loops = &cascade_.state();
@@ -39,6 +38,7 @@ void Drive::configure(const Configuration& configuration) {
   // The filter starts with the present levels if this configuration switches it on.
   if (axis_.configuration.input_filter_cycles == 0) inputs_.filter.reset(inputs_.wires);
   axis_.configuration = configuration;
+  choose_comparators();
   if (!energised()) set_rates();
   cascade_.configure(configuration.motor, configuration.gains, rates_);
   supervision_.configure(axis_);
@@ -202,17 +202,6 @@ bool Drive::tick(const Feedback& feedback, Actuation& actuation) {
   }
   cascade_.tick(feedback, actuation);
   return cycle_due;
-}
-
-// Not inlined, to save registers in the tick.
-[[gnu::noinline]] void Drive::trip(std::uint32_t faults, bool cycle_due, Actuation& actuation) {
-  if (measured_.tripped == 0)
-    measured_.tripped = faults & measured_.comparators;  // the first comparator counts; later ones are its consequence
-  if (measured_.tripped != 0 && !cycle_due && outputs_.pwm_enabled) {
-    // A comparator acts at once, not at the end of the cycle.
-    outputs_.pwm_enabled = false;
-    actuation.pwm_enabled = false;
-  }
 }
 
 [[gnu::noinline]] void Drive::look_for_open_phase(const Feedback& feedback, const Actuation& actuation) {

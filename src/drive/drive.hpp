@@ -203,6 +203,7 @@ class Drive final : public dictionary::Listener {
     float power_stage_temperature_c = 0.0F;
     std::uint32_t tripped = 0;      // HardwareFault bits since the last cycle
     std::uint32_t comparators = 0;  // HardwareFault bits of the comparators that the product has
+    std::uint32_t reported = 0;     // ... without those that Configuration::ignored has
   };
   struct InputLevels {
     std::uint32_t wires = 0;
@@ -262,6 +263,8 @@ class Drive final : public dictionary::Listener {
   void switch_power(bool on);
 
   // fault_reactions.cpp
+  void choose_comparators();
+  void trip(std::uint32_t faults, bool cycle_due, Actuation& actuation);
   void show_fault(const FaultRow& row);
   void react_to_fault(const FaultRow& row);
   bool reset_faults();
@@ -270,7 +273,6 @@ class Drive final : public dictionary::Listener {
 
   // drive.cpp
   void cycle(const Feedback& feedback);
-  void trip(std::uint32_t faults, bool cycle_due, Actuation& actuation);
   void look_for_open_phase(const Feedback& feedback, const Actuation& actuation);
   void update_inputs(const Feedback& feedback);
   void calibrate_currents(const Feedback& feedback);

@@ -424,6 +424,24 @@ void check_masked(const Case& alarm, const test::CsvRow& row) {
   }
 }
 
+// A comparator that is masked and acts first, by one tick, in each phase of the position loop.
+TEST(IsmkAlarms, AMaskedComparatorHidesNoOther) {
+  constexpr int ticks_of_cycle = 8;
+  for (int phase = 0; phase < ticks_of_cycle; ++phase) {
+    IsmkRig rig;
+    set(rig, 0x2605, 1, 0xFFFF & ~(1 << 7));  // over-current
+    turning(rig);
+    for (int i = 0; i < phase; ++i) rig.tick();
+    for (const Injection injection : {Injection::short_circuit, Injection::gate_supply_low}) {
+      rig.plant.inject(injection, true);
+      rig.tick();
+      rig.plant.inject(injection, false);
+    }
+    rig.run_ms(2);
+    EXPECT_EQ(rig.get(0x2601), 1 << 10) << phase;
+  }
+}
+
 constexpr std::array<std::int16_t, 4> option_codes{0, 1, 2, 18};
 
 Reset printed_reset(const std::string& text) {

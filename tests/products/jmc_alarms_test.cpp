@@ -398,6 +398,19 @@ TEST(JmcAlarms, EveryFaultOfTheDriveByItsCause) {
   for (const Case& alarm : all) EXPECT_TRUE(in_manual.contains(alarm.alarm)) << alarm.alarm;
 }
 
+// The drive has no alarm for a value of 6086h that it does not support. Such a value must not hide AL.100.
+TEST(JmcAlarms, ACauseWithoutAnAlarmHidesNoOther) {
+  JmcBus rig;
+  set(rig, 0x607D, 1, 100);
+  set(rig, 0x607D, 2, 50);
+  in_mode(1)(rig);
+  rig.device.drive().axis().objects.motion_profile_type = 7;
+  rig.control(0x1F);
+  rig.run_ms(5);
+  EXPECT_EQ(rig.get(0x603F), 0xA100);
+  EXPECT_NE(rig.device.drive().state(), PowerState::operation_enabled);
+}
+
 // AL.411: with a motor of 1.5 times the rated current, the power stage reaches its limit before the motor.
 TEST(JmcAlarms, OverloadOfTheDrive) {
   plant::Parameters parameters = test::jmc_plant();

@@ -89,32 +89,35 @@ bool ProfilePosition::may_chain(const Axis& axis) {
   return true;
 }
 
+// Only causes that the product has as faults refuse the set-point. Otherwise an end velocity above the profile velocity
+// is clipped, and contradicting limits (607Bh, 607Dh) have no effect.
 Cause ProfilePosition::planning_fault(const Axis& axis, const SetPoint& set_point) const {
   const Objects& objects = axis.objects;
-  if (!axis.has_shape(objects.motion_profile_type)) return Cause::motion_profile_type;
-  const bool limits_set = objects.min_position_limit != 0 || objects.max_position_limit != 0;
-  const bool range_set = objects.min_position_range_limit != 0 || objects.max_position_range_limit != 0;
-  if (range_set && objects.min_position_range_limit >= objects.max_position_range_limit)
-    return Cause::range_limits_wrong;
-  if (limits_set && (objects.min_position_limit >= objects.max_position_limit ||
-                     (range_set && (objects.min_position_limit < objects.min_position_range_limit ||
-                                    objects.max_position_limit > objects.max_position_range_limit)))) {
-    return Cause::software_limits_wrong;
-  }
-  if (axis.policy.ramps.zeros_are_faults) {
-    const bool zero = set_point.velocity <= 0.0 || set_point.acceleration == 0 || set_point.deceleration == 0;
-    if (set_point.pass_previous && zero) return Cause::profile_multi_point;
-    if (set_point.velocity <= 0.0) return Cause::profile_velocity_zero;
-    if (set_point.acceleration == 0) return Cause::profile_acceleration_zero;
-    if (set_point.deceleration == 0 || objects.quick_stop_deceleration == 0) return Cause::position_deceleration_zero;
-    if (set_point.shape == RampShape::jerk_limited && set_point.jerk == 0) return Cause::profile_value_zero;
-  }
-  if (set_point.end_velocity > set_point.velocity) return Cause::end_velocity_above_profile;
-  if (axis.policy.ramps.jerk_limited_only_from_standstill && set_point.shape == RampShape::jerk_limited &&
-      !axis.generator.standing()) {
-    return Cause::jerk_limited_while_moving;
-  }
-  return Cause::none;
+  const std::int32_t least = objects.min_position_limit;
+  const std::int32_t greatest = objects.max_position_limit;
+  const std::int32_t range_least = objects.min_position_range_limit;
+  const std::int32_t range_greatest = objects.max_position_range_limit;
+  const bool limits_set = least != 0 || greatest != 0;
+  const bool range_set = range_least != 0 || range_greatest != 0;
+  const bool leaves_range = range_set && (least < range_least || greatest > range_greatest);
+  const bool zeros = axis.policy.ramps.zeros_are_faults;
+  const bool no_velocity = zeros && set_point.velocity <= 0.0;
+  const bool no_acceleration = zeros && set_point.acceleration == 0;
+  const bool no_deceleration = zeros && set_point.deceleration == 0;
+  const bool jerk_limited = set_point.shape == RampShape::jerk_limited;
+  return axis.first_monitored({
+      {!axis.has_shape(objects.motion_profile_type), Cause::motion_profile_type},
+      {range_set && range_least >= range_greatest, Cause::range_limits_wrong},
+      {limits_set && (least >= greatest || leaves_range), Cause::software_limits_wrong},
+      {set_point.pass_previous && (no_velocity || no_acceleration || no_deceleration), Cause::profile_multi_point},
+      {no_velocity, Cause::profile_velocity_zero},
+      {no_acceleration, Cause::profile_acceleration_zero},
+      {no_deceleration || (zeros && objects.quick_stop_deceleration == 0), Cause::position_deceleration_zero},
+      {zeros && jerk_limited && set_point.jerk == 0, Cause::profile_value_zero},
+      {set_point.end_velocity > set_point.velocity, Cause::end_velocity_above_profile},
+      {axis.policy.ramps.jerk_limited_only_from_standstill && jerk_limited && !axis.generator.standing(),
+       Cause::jerk_limited_while_moving},
+  });
 }
 
 bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Counts& target) {
@@ -175,9 +178,7 @@ bool ProfilePosition::resolve_target(Axis& axis, const SetPoint& set_point, Coun
 }
 
 void ProfilePosition::start(Axis& axis, const SetPoint& set_point, bool chained) {
-  // Only causes that the product has as faults refuse the set-point. Otherwise an end velocity above the profile
-  // velocity is clipped, and contradicting limits (607Bh, 607Dh) have no effect.
-  if (const Cause cause = planning_fault(axis, set_point); axis.monitors(cause)) {
+  if (const Cause cause = planning_fault(axis, set_point); cause != Cause::none) {
     axis.raise(cause);
     running_ = false;
     return;

@@ -48,21 +48,20 @@ void ProfileVelocity::enter(Axis& axis) {
 
 Cause ProfileVelocity::planning_fault(const Axis& axis, RampShape shape) const {
   const Objects& objects = axis.objects;
-  if (!axis.has_shape(objects.motion_profile_type)) return Cause::motion_profile_type;
-  if (!axis.has_shape(axis.configuration.velocity_stop_shape)) return Cause::velocity_ramp_type;
-  if (axis.policy.ramps.zeros_are_faults) {
-    if (objects.profile_acceleration == 0) return Cause::profile_acceleration_zero;
-    if (objects.profile_deceleration == 0 || objects.quick_stop_deceleration == 0) {
-      return Cause::velocity_deceleration_zero;
-    }
-    if (shape == RampShape::jerk_limited && objects.profile_jerk[0] == 0) return Cause::profile_value_zero;
-  }
-  // A stop always begins in motion, so it may be jerk-limited.
-  if (axis.policy.ramps.jerk_limited_only_from_standstill && shape == RampShape::jerk_limited &&
-      objects.target_velocity != 0 && !axis.generator.standing()) {
-    return Cause::jerk_limited_while_moving;
-  }
-  return Cause::none;
+  const bool zeros = axis.policy.ramps.zeros_are_faults;
+  const bool no_deceleration = objects.profile_deceleration == 0 || objects.quick_stop_deceleration == 0;
+  const bool jerk_limited = shape == RampShape::jerk_limited;
+  return axis.first_monitored({
+      {!axis.has_shape(objects.motion_profile_type), Cause::motion_profile_type},
+      {!axis.has_shape(axis.configuration.velocity_stop_shape), Cause::velocity_ramp_type},
+      {zeros && objects.profile_acceleration == 0, Cause::profile_acceleration_zero},
+      {zeros && no_deceleration, Cause::velocity_deceleration_zero},
+      {zeros && jerk_limited && objects.profile_jerk[0] == 0, Cause::profile_value_zero},
+      // A stop always begins in motion, so it may be jerk-limited.
+      {axis.policy.ramps.jerk_limited_only_from_standstill && jerk_limited && objects.target_velocity != 0 &&
+           !axis.generator.standing(),
+       Cause::jerk_limited_while_moving},
+  });
 }
 
 ProfileVelocity::Request ProfileVelocity::request_of(const Axis& axis) {
@@ -98,9 +97,7 @@ void ProfileVelocity::step(Axis& axis) {
   if (!planned_ || (request != request_ && !(keeps_given_up && obeys))) {
     const RampShape shape = request.target == 0 ? axis.velocity_stop_shape() : axis.shape();
     // Standing still with target 0 needs no plan, so it cannot be a planning fault.
-    if (request.target != 0 || !axis.generator.standing()) {
-      if (const Cause cause = planning_fault(axis, shape); cause != Cause::none) axis.raise(cause);
-    }
+    if (request.target != 0 || !axis.generator.standing()) axis.raise(planning_fault(axis, shape));
     planned_ = true;
     wanted_ = velocity_of(request, axis);
     const double target = std::clamp(wanted_, -request.allowed, request.allowed);

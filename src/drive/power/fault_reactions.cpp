@@ -13,6 +13,27 @@ const FaultRow* Drive::row(Cause cause) const {
   return nullptr;
 }
 
+void Drive::choose_comparators() {
+  measured_.comparators = measured_.reported = 0;
+  for (const FaultRow& row : policy_.faults.rows) {
+    const std::uint32_t comparator = Supervision::comparator_of(row.cause);
+    measured_.comparators |= comparator;
+    if (!axis_.configuration.ignored.test(row.cause)) measured_.reported |= comparator;
+  }
+}
+
+// Not inlined, to save registers in the tick.
+[[gnu::noinline]] void Drive::trip(std::uint32_t faults, bool cycle_due, Actuation& actuation) {
+  // The first comparator counts, because later ones are its consequence. An ignored one must not hide another.
+  if (measured_.tripped == 0) measured_.tripped = faults & measured_.reported;
+  const bool acts = (measured_.tripped | (faults & measured_.comparators)) != 0;
+  if (acts && !cycle_due && outputs_.pwm_enabled) {
+    // A comparator acts at once, not at the end of the cycle.
+    outputs_.pwm_enabled = false;
+    actuation.pwm_enabled = false;
+  }
+}
+
 void Drive::raise(Cause cause) {
   const FaultRow* fault = row(cause);
   if (fault == nullptr || faults_.active.test(cause) || axis_.configuration.ignored.test(cause)) return;
