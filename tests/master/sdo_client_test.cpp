@@ -222,6 +222,48 @@ TEST_F(SdoClientTest, ALateAnswerIsNotTakenForTheNextOne) {
   EXPECT_TRUE(sent);
 }
 
+// The answer to a request that was given up arrives in the next upload of the same object.
+TEST_F(SdoClientTest, ALateAnswerIsNotTakenForTheNextOneOfTheSameObject) {
+  SdoClient impatient(line.bus, 5, {.timeout = 20ms, .retries = 0});
+  device.objects.statusword = 0x0237;
+  for (const char* late : {"585 # 4B 41 60 00 FF FF 00 00", "585 # 80 41 60 00 00 00 04 05"}) {
+    line.lost = [](const Frame& frame) { return frame.id == 0x605; };
+    error_of([&] { impatient.read<std::uint16_t>(0x6041); });
+    line.lost = [](const Frame&) { return false; };
+    bool sent = false;
+    const Bus::Subscription intruder = line.bus.every(1us, [&] {
+      if (!std::exchange(sent, true)) line.intrude(frame_of(late));
+    });
+    EXPECT_EQ(impatient.read<std::uint16_t>(0x6041), 0x0237);
+    EXPECT_TRUE(sent);
+  }
+}
+
+TEST_F(SdoClientTest, ALostRequestIsRepeatedAfterTheLateAnswerIsDrained) {
+  unsigned losses = 1;
+  std::vector<std::string> requests;
+  line.lost = [&](const Frame& frame) {
+    if (frame.id != 0x605) return false;
+    requests.push_back(text_of(frame).substr(0, 18));
+    return losses != 0 && losses-- != 0;
+  };
+  device.objects.statusword = 0x0237;
+  EXPECT_EQ(client.read<std::uint16_t>(0x6041), 0x0237);
+  EXPECT_EQ(client.read<std::uint16_t>(0x6041), 0x0237);
+  EXPECT_THAT(requests, ::testing::ElementsAre("605 # 40 41 60 00 ", "605 # 80 41 60 00 ", "605 # 40 00 10 00 ",
+                                               "605 # 40 41 60 00 ", "605 # 40 41 60 00 "));
+}
+
+// Each further upload from a silent node takes one timeout per attempt, as the first one does.
+TEST_F(SdoClientTest, ASilentNodeCostsNoTimeoutMore) {
+  SdoClient nobody(line.bus, 9, {.timeout = 50ms, .retries = 1});
+  for (int i = 0; i < 3; ++i) {
+    const Time before = line.now();
+    EXPECT_EQ(error_of([&] { nobody.read<std::uint16_t>(0x6041); }).index(), 0x6041);
+    EXPECT_NEAR(std::chrono::duration<double>(line.now() - before).count(), 0.100, 0.005);
+  }
+}
+
 TEST_F(SdoClientTest, TwoDevicesWithOneNodeIdAreReported) {
   std::uint8_t change = 0x02;
   bool is_copy = false;

@@ -6,6 +6,7 @@
 #include "canopen/connection_set.hpp"
 #include "master/abort_text.hpp"
 #include "master/canopen/emergency.hpp"
+#include "master/late_answer.hpp"
 
 namespace servodrome::master {
 namespace {
@@ -61,15 +62,20 @@ void SdoClient::send_waiting(SdoTransfer& transfer) {
   }
 }
 
+// The answer to a request that is given up, or repeated, may come later.
+void SdoClient::expect_late_answer() {
+  answer_may_come_late_ = true;
+  second_answer_.doubt_until(bus_.now() + SecondAnswer::doubt);
+}
+
 void SdoClient::run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol protocol) {
   bus_.drain();  // discards late answers to an abandoned transfer
   second_answer_.begin(object, protocol == SdoProtocol::block);
-  // The answer to a request that is given up may come later.
   struct Doubting {
     SdoClient& client;
     const SdoTransfer& transfer;
     ~Doubting() {
-      if (!transfer.finished()) client.second_answer_.doubt_until(client.bus_.now() + SecondAnswer::doubt);
+      if (!transfer.finished()) client.expect_late_answer();
     }
   } const doubting{*this, transfer};
   Time deadline{};
@@ -95,13 +101,13 @@ void SdoClient::run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol pro
     const Time until = cancelled_ ? std::min(deadline, bus_.now() + look_whether_cancelled) : deadline;
     bus_.run_until(until, [&] { return transfer.finished() || is_cancelled(); });
     if (!transfer.finished() && is_cancelled()) {
-      second_answer_.doubt_until(bus_.now() + SecondAnswer::doubt);
+      expect_late_answer();
       transfer.abort(AbortCode::general_error);
       send_waiting(transfer);
       throw MasterError("interrupted", where(), "the transfer was aborted");
     }
     if (transfer.finished() || bus_.now() < deadline) continue;
-    second_answer_.doubt_until(bus_.now() + SecondAnswer::doubt);
+    expect_late_answer();
     if (retries != 0 && transfer.can_ask_again()) {
       --retries;
       transfer.ask_again();
@@ -113,10 +119,22 @@ void SdoClient::run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol pro
   }
 }
 
+bool SdoClient::drain_late_answer() {
+  SdoTransfer other = SdoTransfer::upload(object_that_drains);
+  run(other, object_that_drains, SdoProtocol::ordinary);
+  const bool answered = other.result() == AbortCode::none || other.aborted_by_server();
+  if (answered) answer_may_come_late_ = false;
+  return answered;
+}
+
 std::vector<std::byte> SdoClient::upload(ObjectAddress object, SdoProtocol protocol) {
   for (unsigned attempt = 0;; ++attempt) {
     SdoTransfer transfer = SdoTransfer::upload(object, protocol);
-    run(transfer, object, protocol);
+    if (answer_may_come_late_ && object != object_that_drains && !drain_late_answer()) {
+      transfer.abort(AbortCode::protocol_timed_out);  // not sent
+    } else {
+      run(transfer, object, protocol);
+    }
     if (second_answer_.take()) {
       throw ObjectError("two devices answer", where(),
                         "give each device a node-ID of its own: switch one of them off, and use `servodrome lss`",

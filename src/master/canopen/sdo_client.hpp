@@ -30,8 +30,10 @@ class SdoError : public ObjectError {
 
 struct SdoOptions {
   Time timeout = std::chrono::seconds(1);  // for each answer
-  // Number of retries of an upload without answer. A download is never repeated, because it may have taken effect. In a
-  // block transfer also the number of retries of a sub-block's acknowledgement.
+  // Number of retries of an upload without answer. Before a retry, and before the next upload, the client reads 1000h:
+  // a late answer comes before the answer to that. Without an answer, this read counts as the retry or the upload. A
+  // download is never repeated, because it may have taken effect. In a block transfer also the number of retries of a
+  // sub-block's acknowledgement.
   unsigned retries = 1;
 };
 
@@ -69,6 +71,9 @@ class SdoClient final : public ObjectClient {
 
  private:
   void run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol protocol);
+  void expect_late_answer();
+  // Returns false if the node does not answer.
+  bool drain_late_answer();
   void watch(const Frame& frame);
   std::uint64_t others_sent() const { return bus_.sent() - sent_; }
   void send_waiting(SdoTransfer& transfer);
@@ -80,6 +85,7 @@ class SdoClient final : public ObjectClient {
   std::function<bool()> cancelled_;
   std::optional<Emergency> emergency_;
   bool size_is_known_ = true;
+  bool answer_may_come_late_ = false;  // to a request that was given up or repeated
   SecondAnswer second_answer_;
   std::uint64_t sent_ = 0;  // frames of this client
   Bus::Subscription listening_;

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "master/abort_text.hpp"
+#include "master/late_answer.hpp"
 
 namespace servodrome::master {
 
@@ -81,6 +82,7 @@ Mail CoeClient::ask(std::span<const std::uint8_t> request, ObjectAddress object,
   const bool names_object = expected == initiate_upload_answer || expected == initiate_download_answer;
   mailbox_.drain();
   mailbox_.send(MailboxType::coe, request, timeout_);
+  answer_may_come_late_ = true;
   auto answer = mailbox_.receive(MailboxType::coe, timeout_, [&](const Mail& mail) {
     if (mail.size() < coe_header_size + 1) return false;
     const auto service = static_cast<CoeService>(load_u16(mail.data()) >> 12);
@@ -94,11 +96,21 @@ Mail CoeClient::ask(std::span<const std::uint8_t> request, ObjectAddress object,
     return !names_object || same_object;
   });
   if (!answer) throw CoeError(mailbox_.where(), object, is_upload, AbortCode::protocol_timed_out, false);
+  answer_may_come_late_ = false;
   answer->erase(answer->begin(), answer->begin() + coe_header_size);
   if (((*answer)[0] & specifier_mask) == abort_transfer) {
     throw CoeError(mailbox_.where(), object, is_upload, static_cast<AbortCode>(load_u32(&(*answer)[4])), true);
   }
   return std::move(*answer);
+}
+
+void CoeClient::drain_late_answer(ObjectAddress object) {
+  if (!answer_may_come_late_ || object == object_that_drains) return;
+  try {
+    ask(request_of(initiate_upload, object_that_drains), object_that_drains, true, initiate_upload_answer);
+  } catch (const CoeError& error) {
+    if (!error.from_slave()) throw CoeError(mailbox_.where(), object, true, error.code(), false);
+  }
 }
 
 std::vector<std::byte> CoeClient::upload(ObjectAddress object, bool complete) {
@@ -116,6 +128,7 @@ std::vector<std::byte> CoeClient::upload(ObjectAddress object, bool complete) {
 }
 
 std::vector<std::byte> CoeClient::upload_once(ObjectAddress object, bool complete) {
+  drain_late_answer(object);
   const auto command = static_cast<std::uint8_t>(initiate_upload | (complete ? complete_bit : 0U));
   const Mail first = ask(request_of(command, object), object, true, initiate_upload_answer);
   std::vector<std::byte> data;

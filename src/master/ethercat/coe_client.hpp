@@ -58,7 +58,8 @@ class CoeClient {
   CoeClient(MailboxClient& mailbox, Time timeout = std::chrono::seconds(1)) : mailbox_(mailbox), timeout_(timeout) {}
 
   // The size determines the transfer: expedited, normal or segmented. An upload without an answer is repeated once; a
-  // download is not, because it may have taken effect.
+  // download is not, because it may have taken effect. Before the repetition, and before the next upload, the client
+  // reads 1000h: a late answer comes before the answer to that. Without an answer, the upload counts as unanswered.
   std::vector<std::byte> upload(ObjectAddress object) { return upload(object, false); }
   void download(ObjectAddress object, std::span<const std::byte> data) { download(object, data, false); }
   // Complete access: all entries in one transfer, from sub-index 0 (as two bytes) or from 1. BOOLEANs are packed as
@@ -95,6 +96,7 @@ class CoeClient {
 
  private:
   std::vector<std::byte> upload(ObjectAddress object, bool complete);
+  void drain_late_answer(ObjectAddress object);
   std::vector<std::byte> upload_once(ObjectAddress object, bool complete);
   void download(ObjectAddress object, std::span<const std::byte> data, bool complete);
   Mail ask(std::span<const std::uint8_t> sdo, ObjectAddress object, bool is_upload, std::uint8_t expected);
@@ -103,6 +105,7 @@ class CoeClient {
 
   MailboxClient& mailbox_;
   Time timeout_;
+  bool answer_may_come_late_ = false;
 };
 
 }  // namespace servodrome::master
