@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <initializer_list>
+#include <span>
 #include <utility>
 
 #include "catalogue/product.hpp"
@@ -200,8 +201,11 @@ class Axis402 {
   // longer than AxisOptions::longest_halt becomes a quick stop. A quick stop or halt that another client has commanded
   // is not interrupted: the call waits for its end.
   void stop();
-  // Commands the halt of stop() and does not wait: for several axes, before stop() of each.
+  // Commands the halt of stop() and does not wait for standstill.
   void begin_stop();
+  // begin_stop() of each axis in turn, for several axes, before stop() of each. A drive that does not answer soon gets
+  // a quick stop, so that it does not delay the stop of the next ones by its timeout. Errors are those of stop().
+  static void begin_stop_of(std::span<Axis402* const> axes);
   // True if at least one stop() changed to a quick stop.
   bool became_quick_stop() const { return became_quick_stop_; }
   // stop() for error handling, where the first error is reported anyway: returns "" or the reason why the axis could

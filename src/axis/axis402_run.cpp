@@ -241,6 +241,22 @@ void Axis402::begin_stop() {
   });
 }
 
+void Axis402::begin_stop_of(std::span<Axis402* const> axes) {
+  static constexpr Time short_wait = std::chrono::milliseconds(100);
+  for (Axis402* axis : axes) {
+    struct Limited {
+      ObjectClient& objects;
+      explicit Limited(ObjectClient& its_objects) : objects(its_objects) { objects.limit_wait(short_wait); }
+      ~Limited() { objects.limit_wait(std::nullopt); }
+    } const limited{axis->objects_};
+    try {
+      axis->begin_stop();
+    } catch (const std::exception&) {
+      // The next axis must not run on. stop() reports the error again.
+    }
+  }
+}
+
 // Another client has commanded a stop or the disabling. If that does not bring the axis to rest, a quick stop does.
 void Axis402::complete_stop_of_another() {
   try {

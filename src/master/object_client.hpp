@@ -54,6 +54,10 @@ class ObjectClient {
   // 301 7.2.4.3.6): it has four bytes, and the value is in the first ones.
   virtual bool size_is_known() const { return true; }
 
+  // From now on an access without answer fails after `longest`, without a retry. nullopt: after the client's own
+  // timeout and retries. Clients that have no timeout ignore it.
+  virtual void limit_wait(std::optional<Time> /*longest*/) {}
+
   // Time on the bus's clock.
   virtual Time now() const = 0;
   // Waits for `span` and keeps the bus running.

@@ -91,6 +91,40 @@ TEST_F(CoeTest, OnlyAnUploadWithoutAnAnswerIsRepeated) {
   device.slave.interpose(nullptr);
 }
 
+// The answer to a request that was given up arrives in the next upload of the same object.
+TEST_F(CoeTest, ALateAnswerIsNotTakenForTheNextOne) {
+  struct Late final : ethercat::SlaveInterposer {
+    Dispatch sends(Mail&) override { return {holds ? Sending::hold : Sending::pass}; }
+    bool holds = true;
+  } late;
+  device.slave.interpose(&late);
+  device.objects.ranged = 42;
+  slave.coe().limit_wait(1s);  // without a repetition, because the slave reads no mail while it holds its answer
+  EXPECT_EQ(code_of([&] { slave.coe().read<std::int16_t>(0x2006); }), AbortCode::protocol_timed_out);
+  device.objects.ranged = 43;
+  late.holds = false;
+  const Time begun = line.now;
+  line.delay_back = [&] {
+    if (line.now - begun > 100ms) device.slave.release_mail();
+    return Time{};
+  };
+  EXPECT_EQ(slave.coe().read<std::int16_t>(0x2006), 43);
+  line.delay_back = [] { return Time{}; };
+  device.slave.interpose(nullptr);
+}
+
+TEST_F(CoeTest, TheWaitForAnAnswerCanBeLimited) {
+  struct Silence final : ethercat::SlaveInterposer {
+    Dispatch sends(Mail&) override { return {Sending::withhold}; }
+  } silence;
+  device.slave.interpose(&silence);
+  slave.coe().limit_wait(50ms);
+  const Time begun = line.now;
+  EXPECT_EQ(code_of([&] { slave.coe().read<std::int16_t>(0x2006); }), AbortCode::protocol_timed_out);
+  EXPECT_LT(line.now - begun, 60ms);
+  device.slave.interpose(nullptr);
+}
+
 TEST_F(CoeTest, CompleteAccess) {
   std::vector<std::byte> record{std::byte{3}, std::byte{0}};
   for (const unsigned value : {0x1111U, 0x2222U, 0x3333U}) {

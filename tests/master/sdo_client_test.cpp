@@ -262,6 +262,12 @@ TEST_F(SdoClientTest, ASilentNodeCostsNoTimeoutMore) {
     EXPECT_EQ(error_of([&] { nobody.read<std::uint16_t>(0x6041); }).index(), 0x6041);
     EXPECT_NEAR(std::chrono::duration<double>(line.now() - before).count(), 0.100, 0.005);
   }
+  nobody.limit_wait(20ms);
+  for (const bool upload : {true, false}) {
+    const Time before = line.now();
+    error_of([&] { upload ? void(nobody.read<std::uint16_t>(0x6041)) : nobody.write<std::uint16_t>(0x6040, 0, 6); });
+    EXPECT_NEAR(std::chrono::duration<double>(line.now() - before).count(), 0.020, 0.002);
+  }
 }
 
 TEST_F(SdoClientTest, TwoDevicesWithOneNodeIdAreReported) {

@@ -79,12 +79,13 @@ void SdoClient::run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol pro
     }
   } const doubting{*this, transfer};
   Time deadline{};
-  unsigned retries = options_.retries;
+  unsigned retries = limit_.retries(options_.retries);
+  const Time timeout = limit_.timeout(options_.timeout);
   // If ask_again() can help, the deadline is half the timeout, so that the client asks again before the server's own
   // timeout.
   const auto expect_answer = [&] {
     const bool early = retries != 0 && transfer.can_ask_again();
-    deadline = bus_.now() + (early ? options_.timeout / 2 : options_.timeout);
+    deadline = bus_.now() + (early ? timeout / 2 : timeout);
   };
   const Bus::Subscription listening = bus_.listen([&](const Frame& frame) {
     if (frame.id != connection_set::sdo_response + node_id_ || frame.extended || frame.remote) return;
@@ -144,7 +145,7 @@ std::vector<std::byte> SdoClient::upload(ObjectAddress object, SdoProtocol proto
     if (transfer.result() == AbortCode::none) return transfer.data();
     // The timeout may have occurred at the client or at the server.
     const bool timed_out = transfer.result() == AbortCode::protocol_timed_out;
-    if (!timed_out || attempt >= options_.retries) {
+    if (!timed_out || attempt >= limit_.retries(options_.retries)) {
       throw SdoError(bus_.name(), node_id_, object, true, transfer.result(), transfer.aborted_by_server());
     }
   }

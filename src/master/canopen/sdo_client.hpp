@@ -6,6 +6,7 @@
 #include "master/canopen/sdo_transfer.hpp"
 #include "master/canopen/second_answer.hpp"
 #include "master/object_client.hpp"
+#include "master/wait_limit.hpp"
 
 namespace servodrome::master {
 
@@ -55,6 +56,7 @@ class SdoClient final : public ObjectClient {
   bool size_is_known() const override { return size_is_known_; }
   void download(ObjectAddress object, std::span<const std::byte> data, SdoProtocol protocol);
 
+  void limit_wait(std::optional<Time> longest) override { limit_.set(longest); }
   Time now() const override { return bus_.now(); }
   void wait(Time span) override { bus_.run_for(span); }
   std::uint16_t address() const override { return node_id_; }
@@ -82,6 +84,7 @@ class SdoClient final : public ObjectClient {
   Bus& bus_;
   std::uint8_t node_id_;
   SdoOptions options_;
+  WaitLimit limit_{};
   std::function<bool()> cancelled_;
   std::optional<Emergency> emergency_;
   bool size_is_known_ = true;

@@ -72,7 +72,7 @@ CoeError::CoeError(const std::string& where, ObjectAddress object, bool upload, 
 void CoeClient::give_up(ObjectAddress object, bool is_upload, AbortCode code) {
   Mail mail = request_of(abort_transfer, object);
   ethercat::store_u32(&mail[coe_header_size + 4], static_cast<std::uint32_t>(code));
-  mailbox_.send(MailboxType::coe, mail, timeout_);
+  mailbox_.send(MailboxType::coe, mail, timeout());
   throw CoeError(mailbox_.where(), object, is_upload, code, false);
 }
 
@@ -81,9 +81,9 @@ Mail CoeClient::ask(std::span<const std::uint8_t> request, ObjectAddress object,
                     std::uint8_t expected) {
   const bool names_object = expected == initiate_upload_answer || expected == initiate_download_answer;
   mailbox_.drain();
-  mailbox_.send(MailboxType::coe, request, timeout_);
+  mailbox_.send(MailboxType::coe, request, timeout());
   answer_may_come_late_ = true;
-  auto answer = mailbox_.receive(MailboxType::coe, timeout_, [&](const Mail& mail) {
+  auto answer = mailbox_.receive(MailboxType::coe, timeout(), [&](const Mail& mail) {
     if (mail.size() < coe_header_size + 1) return false;
     const auto service = static_cast<CoeService>(load_u16(mail.data()) >> 12);
     const std::uint8_t command = mail[coe_header_size];
@@ -117,7 +117,7 @@ std::vector<std::byte> CoeClient::upload(ObjectAddress object, bool complete) {
   try {
     return upload_once(object, complete);
   } catch (const CoeError& error) {
-    if (error.from_slave() || error.code() != AbortCode::protocol_timed_out) throw;
+    if (error.from_slave() || error.code() != AbortCode::protocol_timed_out || limit_.retries(1) == 0) throw;
     try {
       return upload_once(object, complete);
     } catch (const EthercatError& of_mailbox) {

@@ -3,6 +3,7 @@
 #include "dictionary/abort_code.hpp"
 #include "master/ethercat/mailbox_client.hpp"
 #include "master/object_client.hpp"
+#include "master/wait_limit.hpp"
 
 namespace servodrome::master {
 
@@ -93,6 +94,7 @@ class CoeClient {
 
   MailboxClient& mailbox() { return mailbox_; }
   void set_timeout(Time timeout) { timeout_ = timeout; }
+  void limit_wait(std::optional<Time> longest) { limit_.set(longest); }
 
  private:
   std::vector<std::byte> upload(ObjectAddress object, bool complete);
@@ -103,8 +105,11 @@ class CoeClient {
   Mail ask_information(std::span<const std::uint8_t> request, std::uint16_t index);
   [[noreturn]] void give_up(ObjectAddress object, bool is_upload, dictionary::AbortCode code);
 
+  Time timeout() const { return limit_.timeout(timeout_); }
+
   MailboxClient& mailbox_;
   Time timeout_;
+  WaitLimit limit_{};
   bool answer_may_come_late_ = false;
 };
 

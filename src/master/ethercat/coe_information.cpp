@@ -58,7 +58,7 @@ Mail CoeClient::ask_information(std::span<const std::uint8_t> request, std::uint
     return answered == opcode + 1 || answered == information_error;
   };
   Mail data;
-  Mail fragment = mailbox_.ask(MailboxType::coe, request, timeout_, wanted);
+  Mail fragment = mailbox_.ask(MailboxType::coe, request, timeout(), wanted);
   while (true) {
     if ((fragment[ethercat::coe_header_size] & opcode_mask) == information_error) {
       const std::uint32_t code =
@@ -67,7 +67,7 @@ Mail CoeClient::ask_information(std::span<const std::uint8_t> request, std::uint
     }
     data.insert(data.end(), fragment.begin() + information_header_size, fragment.end());
     if (load_u16(&fragment[ethercat::coe_header_size + 2]) == 0) return data;
-    auto next = mailbox_.receive(MailboxType::coe, timeout_, wanted);
+    auto next = mailbox_.receive(MailboxType::coe, timeout(), wanted);
     if (!next) throw CoeError(mailbox_.where(), {index, 0}, true, AbortCode::protocol_timed_out, false);
     fragment = std::move(*next);
   }

@@ -38,6 +38,10 @@ class EthercatSlave {
   MailboxClient& mailbox();
   CoeClient& coe();
   FoeClient& foe();
+  // As ObjectClient::limit_wait(), for the SDOs over an open mailbox.
+  void limit_wait(std::optional<Time> longest) {
+    if (coe_) coe_->limit_wait(longest);
+  }
 
  private:
   void set_up_mailbox(const MailboxAreas& areas, std::uint8_t out_control, std::uint8_t in_control);

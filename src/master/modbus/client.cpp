@@ -126,7 +126,7 @@ std::optional<Bytes> ModbusClient::exchange_rtu(std::uint8_t unit, const Bytes& 
     client_->wait(sending + options_.turnaround);
     return Bytes{};
   }
-  const Time deadline = client_->now() + sending + options_.timeout;
+  const Time deadline = client_->now() + sending + limit_.timeout(options_.timeout);
   Bytes answer;
   std::size_t wanted = 0;
   while (wanted == 0 || answer.size() < wanted) {
@@ -149,7 +149,7 @@ std::optional<Bytes> ModbusClient::exchange_tcp(std::uint8_t unit, const Bytes& 
   frame.insert(frame.end(), pdu.begin(), pdu.end());
   discard_received();
   client_->send(frame);
-  const Time deadline = client_->now() + options_.timeout;
+  const Time deadline = client_->now() + limit_.timeout(options_.timeout);
   Bytes answer;
   for (;;) {
     if (answer.size() >= Mbap::size) {
@@ -206,7 +206,7 @@ std::vector<std::uint16_t> ModbusClient::read_with(Function function, std::uint8
   Bytes pdu{static_cast<std::uint8_t>(function)};
   append(pdu, address);
   append(pdu, count);
-  return registers_of(unit, request(unit, pdu, options_.retries), count);
+  return registers_of(unit, request(unit, pdu, limit_.retries(options_.retries)), count);
 }
 
 std::vector<std::uint16_t> ModbusClient::read_holding_registers(std::uint8_t unit, std::uint16_t address,
@@ -267,7 +267,7 @@ std::map<std::uint8_t, std::string> ModbusClient::read_device_identification(std
   for (std::uint8_t next = 0;;) {
     const Bytes pdu{static_cast<std::uint8_t>(Function::encapsulated_interface_transport),
                     modbus::read_device_identification, extended, next};
-    const Bytes response = request(unit, pdu, options_.retries);
+    const Bytes response = request(unit, pdu, limit_.retries(options_.retries));
     if (response.size() < 7) malformed(unit, "the identification is cut off");
     std::size_t at = 7;
     for (unsigned i = 0; i < response[6]; ++i) {

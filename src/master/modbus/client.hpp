@@ -10,6 +10,7 @@
 
 #include "links/heard_clients.hpp"
 #include "master/modbus/error.hpp"
+#include "master/wait_limit.hpp"
 #include "modbus/profile.hpp"
 
 namespace servodrome::master {
@@ -70,6 +71,8 @@ class ModbusClient {
   // Time on the link's clock.
   Time now() const { return client_->now(); }
   void wait(Time span) { client_->wait(span); }
+  // As ObjectClient::limit_wait(), for all units.
+  void limit_wait(std::optional<Time> longest) { limit_.set(longest); }
 
  private:
   using Bytes = std::vector<std::uint8_t>;
@@ -95,6 +98,7 @@ class ModbusClient {
   Framing framing_;
   std::string name_;
   ModbusOptions options_;
+  WaitLimit limit_{};
   std::uint16_t transaction_ = 0;
 };
 

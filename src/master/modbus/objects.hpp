@@ -26,6 +26,7 @@ class ModbusObjects final : public ObjectClient {
   std::vector<std::vector<std::size_t>> read_together(std::span<const ObjectAddress> objects) const override;
   std::vector<std::vector<std::byte>> upload_together(std::span<const ObjectAddress> objects) override;
   void download(ObjectAddress object, std::span<const std::byte> data) override;
+  void limit_wait(std::optional<Time> longest) override { client_.limit_wait(longest); }
   Time now() const override { return client_.now(); }
   void wait(Time span) override { client_.wait(span); }
   std::uint16_t address() const override { return unit_; }

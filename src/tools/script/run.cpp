@@ -456,19 +456,19 @@ class Runner {
     return axes;
   }
 
-  // Commands the stop of all enabled axes and does not wait. A cancellation calls it between two accesses to the
-  // present axis. This axis is the first, because it has just answered; another axis may not answer.
+  // Commands the stop of all enabled axes and does not wait for standstill. A cancellation calls it between two
+  // accesses to the present axis. This axis is the first, because it has just answered; another axis may not answer.
   void begin_stop() {
     std::vector<Axis402*> axes = axes_to_stop();
     std::reverse(axes.begin(), axes.end());
-    for (Axis402* axis : axes) problem_of([axis] { axis->begin_stop(); });
+    Axis402::begin_stop_of(axes);
   }
 
   // Stops all enabled axes, even if some fail. All begin to stop before the wait for the first standstill. The axis
   // that failed comes last: it may not answer, and the others must not wait for it. Returns the problems.
   std::string come_to_rest() {
     const std::vector<Axis402*> axes = axes_to_stop();
-    for (Axis402* axis : axes) problem_of([axis] { axis->begin_stop(); });  // stop() reports the error again
+    Axis402::begin_stop_of(axes);
     std::string problems;
     for (Axis402* axis : axes) {
       const std::string problem = problem_of([axis] { axis->stop(); });

@@ -538,6 +538,19 @@ TEST_P(ScriptOfTwo, CtrlCStopsBothAtTheSameTime) {
   }
 }
 
+// The silent axis is the first of those that the script stops.
+TEST_P(ScriptOfTwo, ASilentAxisDoesNotDelayTheStopOfTheOther) {
+  options.began = [this](const Step& step) {
+    if (step.verb != Verb::expect) return;
+    note_places();
+    rig.power_off(1);
+  };
+  EXPECT_THAT(problem_of("axis left 1\naxis right 2\nunits revolutions\nleft enable\nright enable\n"
+                         "left velocity 5 acceleration 50\nright velocity 1 acceleration 50\nleft expect 6041 == 0"),
+              HasSubstr("a.script:8:1: "));
+  EXPECT_LT(distance(0), 0.3 * 5.0 + 1.3 * 5.0 * 5.0 / (2 * 50.0));
+}
+
 // A wait has no axis of its own. Over CAN the master needs 2 s to notice that a drive is silent; another access to this
 // drive before the stop of the other axis would cost 2 s more.
 TEST_P(ScriptOfTwo, WhenOneLosesItsSupplyInAWaitTheOtherStopsAtOnce) {
