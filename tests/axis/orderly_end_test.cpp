@@ -142,6 +142,44 @@ TEST(EthercatEnd, TheEndOfTheBusStopsADriveWithoutAGroup) {
   EXPECT_NEAR(segment.turns(), rest, 0.001);
 }
 
+// An iSMK shows the ramp of its quick stop as Switch on disabled (0050h).
+TEST(EthercatEnd, TheEndOfTheBusWaitsForTheRampOfAnIsmk) {
+  Segment segment{"ismk-ea"};
+  CoeClient& coe = segment.slaves[0]->coe();
+  coe.write<std::uint32_t>(0x6085, 0, coe.read<std::uint32_t>(0x6083) / 5);
+  CyclicAxis axis(segment.bus->image(0));
+  segment.bus->on_cycle([&axis] {
+    axis.set_mode(OperationMode::profile_velocity);
+    if (axis.enable()) axis.set_target_velocity(10'000'000);
+  });
+  segment.bus->wait(2s);
+  ASSERT_EQ(segment.state(), PowerState::operation_enabled);
+  const double begin = segment.turns();
+  segment.bus->wait(100ms);
+  ASSERT_GT(segment.turns(), begin + 0.1) << "it moves";
+  const Time ended = segment.master.now();
+  segment.bus.reset();
+  EXPECT_GT(segment.master.now() - ended, 200ms) << "the ramp is long";
+  const double rest = segment.turns();
+  segment.master.wait(500ms);
+  EXPECT_NEAR(segment.turns(), rest, 0.001);
+  EXPECT_EQ(segment.state(), PowerState::switch_on_disabled);
+}
+
+TEST(EthercatEnd, TheEndOfTheBusWaitsUntilTheBrakeHasClosed) {
+  Segment segment{"generic402-ec"};
+  segment.slaves[0]->coe().write<std::uint16_t>(0x2020, 2, 4000);
+  segment.bus.emplace(segment.master, *segment.operation, EthercatCyclicOptions{.brake_delay = 4s});
+  {
+    MotionGroup group(*segment.bus);
+    group.enable();
+    ASSERT_EQ(segment.state(), PowerState::operation_enabled);
+  }
+  segment.bus.reset();
+  EXPECT_EQ(segment.state(), PowerState::switch_on_disabled);
+  EXPECT_FALSE(segment.is_energised());
+}
+
 TEST(EthercatEnd, TheEndOfTheBusDoesNotStopADriveThatItDidNotMove) {
   Segment segment{"generic402-ec", "generic402-ec"};
   CoeObjects objects(*segment.all[1], segment.operation->exchange(), 1);

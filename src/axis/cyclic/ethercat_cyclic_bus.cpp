@@ -1,6 +1,7 @@
 #include "axis/cyclic/ethercat_cyclic_bus.hpp"
 
 #include <array>
+#include <cstdlib>
 #include <fmt/format.h>
 
 #include "axis/cyclic/interpolation_time.hpp"
@@ -12,8 +13,31 @@ namespace servodrome::master {
 namespace {
 
 constexpr Time longest_stop = std::chrono::seconds(2);
+constexpr Time standing = std::chrono::milliseconds(50);
 // From writing an output until the inputs show its effect (master/ethercat/coe_objects.cpp).
 constexpr int cycles_to_act = 4;
+
+// Whether a shaft stands, by its position.
+class Standstill {
+ public:
+  // Call it in each cycle. Returns true if the position has stayed the same for `span`, or is not in the process data.
+  bool lasts(Time span, ProcessImage& image, Time now) {
+    constexpr std::int64_t still_counts = 10;  // as in Axis402::rests_within()
+    auto shown = image.input({0x6064, 0});
+    if (!shown) shown = image.input({0x6063, 0});
+    if (!shown) return true;
+    const auto present = shown->get<std::int32_t>();
+    if (!place_ || std::abs(std::int64_t{present} - *place_) > still_counts) {
+      place_ = present;
+      since_ = now;
+    }
+    return now - since_ >= span;
+  }
+
+ private:
+  std::optional<std::int32_t> place_{};
+  Time since_{};
+};
 
 }  // namespace
 
@@ -37,27 +61,30 @@ bool EthercatCyclicBus::can_stop(std::size_t drive) const {
   return is_used_[drive] && exchange_.status(drive).state() == AlState::operational;
 }
 
-// Waits for the end of the ramp. If a slave leaves OP before, its drive treats this as a loss of the master, and 6007h
-// and 605Eh end the ramp. A drive that stays in quick stop active (605Ah is 5 to 8) causes a wait of the whole 2 s.
+// Waits for the end of the ramp and of the closing of the brake. If a slave leaves OP before, its drive treats this as
+// a loss of the master, and 6007h and 605Eh end the ramp. The state alone does not show the end: an iSMK shows the
+// whole quick stop as Switch on disabled. A drive that stays in quick stop active (605Ah is 5 to 8) causes the longest
+// wait.
 void EthercatCyclicBus::stop_drives() {
   EthercatCyclicBus::on_cycle({});
   if (!exchange_.runs()) return;
   for (std::size_t i = 0; i < images_.size(); ++i) {
     if (can_stop(i)) request_quick_stop(images_[i]);
   }
-  const Time end = master_.now() + longest_stop;
+  const Time end = master_.now() + longest_stop + options_.brake_delay;
   master_.wait(cycles_to_act * exchange_.period());
-  const auto moves = [this](std::size_t drive) {
-    const auto state = shown_state(images_[drive]);
-    return can_stop(drive) && (state == PowerState::operation_enabled || state == PowerState::quick_stop_active);
-  };
-  const auto any_moves = [&] {
+  std::vector<Standstill> shafts(images_.size());
+  const auto all_have_stopped = [&] {
+    bool all = true;
     for (std::size_t i = 0; i < images_.size(); ++i) {
-      if (moves(i)) return true;
+      const bool stands = shafts[i].lasts(standing + options_.brake_delay, images_[i], master_.now());
+      const auto state = shown_state(images_[i]);
+      const bool operates = state == PowerState::operation_enabled || state == PowerState::quick_stop_active;
+      if (can_stop(i) && (operates || !stands)) all = false;
     }
-    return false;
+    return all;
   };
-  while (any_moves() && master_.now() < end) master_.wait(exchange_.period());
+  while (!all_have_stopped() && master_.now() < end) master_.wait(exchange_.period());
 }
 
 CycleCounters EthercatCyclicBus::counters() const {

@@ -11,6 +11,7 @@ namespace servodrome::master {
 struct EthercatCyclicOptions {
   bool stops_drives = true;  // true: the destructor stops drives that are still enabled
   bool watches = false;      // true: on_cycle() is for a caller that only watches the inputs, beside another program
+  Time brake_delay{};        // the longest of the drives (Axis402::brake_delay()): added to the 2 s of the destructor
 };
 
 // The slaves of an EtherCAT operation as a CyclicBus. If a working counter of a cycle is wrong, the cycle counts as
@@ -21,8 +22,9 @@ class EthercatCyclicBus final : public CyclicBus {
   // object, if no other function than the destructor is called after that.
   EthercatCyclicBus(EthercatMaster& master, EthercatOperation& operation, const EthercatCyclicOptions& options = {});
   // Removes the program, commands a quick stop to drives that are still enabled, and runs cycles until these have
-  // braked, for at most 2 s. Only drives whose image() was called are stopped, since others may belong to another part
-  // of the program. Ignores all exceptions. Without `stops_drives` it does nothing.
+  // braked and closed their brakes, for at most 2 s and the brake delay. Only drives whose image() was called are
+  // stopped, since others may belong to another part of the program. Ignores all exceptions. Without `stops_drives` it
+  // does nothing.
   ~EthercatCyclicBus() override;
   EthercatCyclicBus(const EthercatCyclicBus&) = delete;
   EthercatCyclicBus& operator=(const EthercatCyclicBus&) = delete;

@@ -86,7 +86,9 @@ CyclicRun::CyclicRun(Trial& trial, const CyclicMode& mode) : trial_(trial), mode
   trial.bring_to(PowerState::switch_on_disabled);
   trial.set_mode(mode.mode);
   // The cycles write the target of the mode only: offsets (60B1h, 60B2h) would act as well.
-  Axis402(trial.objects(), {.product = trial.settings().product}).take_back_targets_before_enabling();
+  Axis402 axis(trial.objects(), {.product = trial.settings().product});
+  axis.take_back_targets_before_enabling();
+  brake_delay_ = axis.brake_delay();
   set_gentle_ramps();
   if (mode_.other_target && !has(mode_.target)) mode_.target = *mode_.other_target;
   if (mode_.actual && !has(*mode_.actual)) mode_.actual.reset();
@@ -162,7 +164,8 @@ void CyclicRun::open_ethercat() {
     if (refusal) Trial::skip("its process data do not have what the mode needs, nor take it: " + refusal->text);
   }
   trial_.objects();
-  bus_ = std::make_unique<EthercatCyclicBus>(subject.ethercat().master, subject.operation());
+  bus_ = std::make_unique<EthercatCyclicBus>(subject.ethercat().master, subject.operation(),
+                                             EthercatCyclicOptions{.brake_delay = brake_delay_});
   set_interpolation_time();
   for (const catalogue::CycleObject& object : trial_.settings().product->dialect.cycle_objects) {
     const std::int64_t value = object.value_of(bus_->period());
@@ -250,13 +253,14 @@ bool CyclicRun::comes_to_rest(Time patience) {
 // ---- End ----
 
 void CyclicRun::stop() {
+  const Time longest = 2s + brake_delay_;
   if (state() == PowerState::operation_enabled) {
     control(command_word::quick_stop);
-    run(2s,
+    run(longest,
         [this] { return state() != PowerState::operation_enabled && std::abs(speed_) < trial_.units().position / 50; });
   }
   control(command_word::disable_voltage);
-  run(2s, [this] { return state() == PowerState::switch_on_disabled || state() == PowerState::fault; });
+  run(longest, [this] { return state() == PowerState::switch_on_disabled || state() == PowerState::fault; });
 }
 
 CyclicRun::~CyclicRun() {

@@ -81,6 +81,7 @@ class CyclicRun {
   std::unique_ptr<CyclicBus> bus_;
   std::optional<CyclicAxis> axis_;
   std::optional<ProcessObject> target_place_, position_, actual_;
+  Time brake_delay_{};
   std::optional<std::uint16_t> control_;
   std::int32_t target_ = 0;
   std::function<bool()> each_;
