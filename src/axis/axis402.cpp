@@ -155,11 +155,6 @@ void Axis402::wait_for_state(std::initializer_list<PowerState> wanted, const cha
   }
 }
 
-void Axis402::step(std::uint16_t word, PowerState to, const char* doing) {
-  write_controlword(word);
-  wait_for_state({to}, doing, options_.enable_timeout);
-}
-
 void Axis402::reset_fault() {
   const Time deadline = objects_.now() + options_.state_timeout;
   PowerState present = state();
@@ -184,13 +179,19 @@ void Axis402::reset_fault() {
   write_controlword(command_word::disable_voltage);
 }
 
-void Axis402::enable() {
+void Axis402::step_to_operation(bool& is_commanded) {
+  const Time timeout = options_.enable_timeout;
+  const auto step = [&](std::uint16_t word, PowerState to, const char* doing) {
+    is_commanded = true;
+    write_controlword(word);
+    wait_for_state({to}, doing, timeout);
+  };
   for (;;) {
     switch (state()) {
       case PowerState::not_ready_to_switch_on:
         wait_for_state({PowerState::switch_on_disabled, PowerState::ready_to_switch_on, PowerState::switched_on,
                         PowerState::operation_enabled},
-                       "initialise", options_.enable_timeout);
+                       "initialise", timeout);
         break;
       case PowerState::switch_on_disabled:
         step(command_word::shutdown, PowerState::ready_to_switch_on, "get ready to switch on");
@@ -210,6 +211,25 @@ void Axis402::enable() {
       case PowerState::fault_reaction_active:
       case PowerState::fault: fail("the drive cannot be enabled: it has a fault", "remove its cause and reset it");
     }
+  }
+}
+
+// If the call fails, the command is taken back: the drive may carry it out later, for example when its brake has
+// opened.
+void Axis402::enable() {
+  bool is_commanded = false;
+  try {
+    step_to_operation(is_commanded);
+  } catch (...) {
+    try {
+      if (is_commanded) {
+        write_controlword(command_word::disable_voltage);
+        disable();
+      }
+    } catch (const MasterError&) {
+      // The first error is reported.
+    }
+    throw;
   }
 }
 

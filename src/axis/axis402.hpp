@@ -146,8 +146,8 @@ class Axis402 {
   void reset_fault();
   // Enables without a motion: targets that would act at once (60FFh, 6042h, 6071h, 607Ah, and the offsets 60B1h and
   // 60B2h, depending on the mode) are first set to 0 or to the present position. A quick stop in progress ends first.
-  // Throws, with the axis still disabled, if the drive does not keep one of these values. A fault is an error: call
-  // reset_fault() first.
+  // Throws if the drive does not keep one of these values. A fault is an error: call reset_fault() first. After an
+  // error or a cancellation the axis is told to switch off, so that it does not become enabled later.
   void enable();
   // The part of enable() that writes the targets, for a caller that sends the controlwords itself.
   void take_back_targets_before_enabling();
@@ -269,7 +269,8 @@ class Axis402 {
   void write_number(ObjectAddress object, std::int64_t value);
   // Polls until the drive is in one of the states `wanted`; a fault meanwhile is an error.
   void wait_for_state(std::initializer_list<PowerState> wanted, const char* doing, Time timeout);
-  void step(std::uint16_t controlword, PowerState to, const char* doing);
+  // enable(); sets `is_commanded` before the first controlword.
+  void step_to_operation(bool& is_commanded);
   void require_enabled(const char* doing);
   bool wait_for_bits(std::uint16_t mask, std::uint16_t value, Time timeout);
   // Waits for one poll interval. Throws Cancelled.

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "axis/axis_rig.hpp"
+#include "drive/drive.hpp"
 
 namespace servodrome::master::test {
 namespace enable_test {
@@ -129,6 +130,47 @@ TEST_P(Enabling, WhatStopsLeavesNoTarget) {
     }
     EXPECT_EQ(rig.objects().read<std::int32_t>(0x60FF), 0) << (quick ? "quick stop" : "halt");
     axis.disable();
+  }
+}
+
+// The objects of a drive that opens its brake before it shows Operation enabled.
+class SlowBrake final : public ObjectClient {
+ public:
+  explicit SlowBrake(ObjectClient& drive) : drive_(drive) {}
+
+  std::vector<std::byte> upload(ObjectAddress object) override {
+    std::vector<std::byte> bytes = drive_.upload(object);
+    constexpr std::byte operation_enabled_bit{0x04};
+    if (object.index == 0x6041 && (bytes[0] & std::byte{0x08}) == std::byte{0}) bytes[0] &= ~operation_enabled_bit;
+    return bytes;
+  }
+  void download(ObjectAddress object, std::span<const std::byte> data) override {
+    is_commanded |= object.index == 0x6040 && (data[0] & std::byte{0x0F}) == std::byte{0x0F};
+    drive_.download(object, data);
+  }
+  Time now() const override { return drive_.now(); }
+  void wait(Time span) override { drive_.wait(span); }
+  std::uint16_t address() const override { return drive_.address(); }
+  std::string where() const override { return drive_.where(); }
+
+  bool is_commanded = false;
+
+ private:
+  ObjectClient& drive_;
+};
+
+TEST_P(Enabling, ACommandThatIsCancelledOrFailsIsTakenBack) {
+  for (const bool is_cancelled : {true, false}) {
+    SlowBrake objects(rig.objects());
+    AxisOptions options = rig.options();
+    options.enable_timeout = 3s;
+    if (is_cancelled) options.cancelled = [&objects] { return objects.is_commanded; };
+    Axis402 slow(objects, options);
+    EXPECT_THAT(problem_of([&] { slow.enable(); }), HasSubstr(is_cancelled ? "was cancelled" : "did not enable"));
+    EXPECT_TRUE(objects.is_commanded);
+    rig.objects().wait(2s);
+    EXPECT_FALSE(rig.drive().device().drive().energised()) << is_cancelled;
+    EXPECT_EQ(axis.state(), PowerState::switch_on_disabled) << is_cancelled;
   }
 }
 
