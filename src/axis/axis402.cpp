@@ -180,7 +180,7 @@ void Axis402::reset_fault() {
 }
 
 void Axis402::step_to_operation(bool& is_commanded) {
-  const Time timeout = options_.enable_timeout;
+  const Time timeout = options_.enable_timeout + brake_delay();
   const auto step = [&](std::uint16_t word, PowerState to, const char* doing) {
     is_commanded = true;
     write_controlword(word);

@@ -45,7 +45,7 @@ class Cancelled : public MasterError {
 
 struct AxisOptions {
   Time state_timeout = std::chrono::seconds(2);       // per transition (plus brake_delay()), mode change, handshake
-  Time enable_timeout = std::chrono::seconds(5);      // for each step of enabling: precharge, brake
+  Time enable_timeout = std::chrono::seconds(5);      // per step of enabling (plus brake_delay()): precharge, brake
   Time reset_timeout = std::chrono::seconds(2);       // for a fault reset, from the edge of the controlword's bit
   Time poll_interval = std::chrono::milliseconds(5);  // between two reads of the statusword
   // A motion fails after this time without progress: the shaft stands and homing does not end, or the drive shows the

@@ -174,6 +174,20 @@ TEST_P(Enabling, ACommandThatIsCancelledOrFailsIsTakenBack) {
   }
 }
 
+// An iSMK that holds the axis in Quick stop active closes its brake before it leaves that state.
+TEST(EnablingAfterAQuickStop, LastsUntilTheBrakeHasClosed) {
+  AxisRig rig{{"ismk"}};
+  rig.objects().write<std::uint16_t>(0x6410, 0x12, 6'000);
+  rig.objects().write<std::uint8_t>(0x6410, 0x17, 1);
+  rig.objects().write<std::int16_t>(0x605A, 0, 6);
+  Axis402 axis(rig.objects(), rig.options());
+  axis.enable();
+  axis.quick_stop();
+  ASSERT_TRUE(rig.drive().device().drive().energised());
+  axis.enable();
+  EXPECT_EQ(axis.state(), PowerState::operation_enabled);
+}
+
 // A drive with one object that misbehaves.
 class Odd final : public ObjectClient {
  public:
