@@ -106,4 +106,16 @@ class ObjectClient {
   void check_size(const std::vector<std::byte>& bytes, std::size_t at_most, ObjectAddress object) const;
 };
 
+// Limits the wait of a client while it exists.
+class LimitedWait {
+ public:
+  LimitedWait(ObjectClient& objects, Time longest) : objects_(objects) { objects_.limit_wait(longest); }
+  ~LimitedWait() { objects_.limit_wait(std::nullopt); }
+  LimitedWait(const LimitedWait&) = delete;
+  LimitedWait& operator=(const LimitedWait&) = delete;
+
+ private:
+  ObjectClient& objects_;
+};
+
 }  // namespace servodrome::master

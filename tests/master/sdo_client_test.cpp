@@ -239,6 +239,39 @@ TEST_F(SdoClientTest, ALateAnswerIsNotTakenForTheNextOneOfTheSameObject) {
   }
 }
 
+// The answer to the read that drains late answers may be late, too.
+TEST_F(SdoClientTest, ALateAnswerToADrainDrainsNothing) {
+  SdoClient impatient(line.bus, 5, {.timeout = 20ms, .retries = 0});
+  device.objects.statusword = 0x0237;
+  line.lost = [](const Frame& frame) { return frame.id == 0x605; };
+  for (int i = 0; i < 2; ++i) error_of([&] { impatient.read<std::uint16_t>(0x6041); });
+  line.lost = [](const Frame&) { return false; };
+  bool sent = false;
+  const Bus::Subscription intruder = line.bus.every(1us, [&] {
+    if (std::exchange(sent, true)) return;
+    for (const char* late : {"585 # 43 00 10 00 92 01 42 00", "585 # 4B 41 60 00 FF FF 00 00"}) {
+      line.intrude(frame_of(late));
+    }
+  });
+  EXPECT_EQ(impatient.read<std::uint16_t>(0x6041), 0x0237);
+  EXPECT_TRUE(sent);
+}
+
+TEST_F(SdoClientTest, ANodeThatDoesNotAnswerTheDrainIsReadLater) {
+  SdoClient impatient(line.bus, 5, {.timeout = 20ms, .retries = 0});
+  device.objects.statusword = 0x0237;
+  bool loses_all = true;
+  line.lost = [&](const Frame& frame) {
+    const bool is_constant = frame.data[2] == 0x10;  // 1000h, 1018h
+    return frame.id == 0x605 && (loses_all || is_constant);
+  };
+  error_of([&] { impatient.read<std::uint16_t>(0x6041); });
+  loses_all = false;
+  error_of([&] { impatient.read<std::uint16_t>(0x6041); });
+  impatient.wait(10s);
+  EXPECT_EQ(impatient.read<std::uint16_t>(0x6041), 0x0237);
+}
+
 TEST_F(SdoClientTest, ALostRequestIsRepeatedAfterTheLateAnswerIsDrained) {
   unsigned losses = 1;
   std::vector<std::string> requests;

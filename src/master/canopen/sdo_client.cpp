@@ -6,7 +6,6 @@
 #include "canopen/connection_set.hpp"
 #include "master/abort_text.hpp"
 #include "master/canopen/emergency.hpp"
-#include "master/late_answer.hpp"
 
 namespace servodrome::master {
 namespace {
@@ -63,8 +62,8 @@ void SdoClient::send_waiting(SdoTransfer& transfer) {
 }
 
 // The answer to a request that is given up, or repeated, may come later.
-void SdoClient::expect_late_answer() {
-  answer_may_come_late_ = true;
+void SdoClient::expect_late_answer(ObjectAddress object) {
+  if (!LateAnswer::is_constant(object)) late_answer_.expect(bus_.now());
   second_answer_.doubt_until(bus_.now() + SecondAnswer::doubt);
 }
 
@@ -74,10 +73,11 @@ void SdoClient::run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol pro
   struct Doubting {
     SdoClient& client;
     const SdoTransfer& transfer;
+    ObjectAddress object;
     ~Doubting() {
-      if (!transfer.finished()) client.expect_late_answer();
+      if (!transfer.finished()) client.expect_late_answer(object);
     }
-  } const doubting{*this, transfer};
+  } const doubting{*this, transfer, object};
   Time deadline{};
   unsigned retries = limit_.retries(options_.retries);
   const Time timeout = limit_.timeout(options_.timeout);
@@ -102,13 +102,13 @@ void SdoClient::run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol pro
     const Time until = cancelled_ ? std::min(deadline, bus_.now() + look_whether_cancelled) : deadline;
     bus_.run_until(until, [&] { return transfer.finished() || is_cancelled(); });
     if (!transfer.finished() && is_cancelled()) {
-      expect_late_answer();
+      expect_late_answer(object);
       transfer.abort(AbortCode::general_error);
       send_waiting(transfer);
       throw MasterError("interrupted", where(), "the transfer was aborted");
     }
     if (transfer.finished() || bus_.now() < deadline) continue;
-    expect_late_answer();
+    expect_late_answer(object);
     if (retries != 0 && transfer.can_ask_again()) {
       --retries;
       transfer.ask_again();
@@ -121,17 +121,18 @@ void SdoClient::run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol pro
 }
 
 bool SdoClient::drain_late_answer() {
-  SdoTransfer other = SdoTransfer::upload(object_that_drains);
-  run(other, object_that_drains, SdoProtocol::ordinary);
+  const ObjectAddress constant = late_answer_.next_object();
+  SdoTransfer other = SdoTransfer::upload(constant);
+  run(other, constant, SdoProtocol::ordinary);
   const bool answered = other.result() == AbortCode::none || other.aborted_by_server();
-  if (answered) answer_may_come_late_ = false;
+  if (answered) late_answer_.rule_out();
   return answered;
 }
 
 std::vector<std::byte> SdoClient::upload(ObjectAddress object, SdoProtocol protocol) {
   for (unsigned attempt = 0;; ++attempt) {
     SdoTransfer transfer = SdoTransfer::upload(object, protocol);
-    if (answer_may_come_late_ && object != object_that_drains && !drain_late_answer()) {
+    if (late_answer_.is_expected(bus_.now()) && !LateAnswer::is_constant(object) && !drain_late_answer()) {
       transfer.abort(AbortCode::protocol_timed_out);  // not sent
     } else {
       run(transfer, object, protocol);

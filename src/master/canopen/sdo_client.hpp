@@ -5,6 +5,7 @@
 #include "master/canopen/bus.hpp"
 #include "master/canopen/sdo_transfer.hpp"
 #include "master/canopen/second_answer.hpp"
+#include "master/late_answer.hpp"
 #include "master/object_client.hpp"
 #include "master/wait_limit.hpp"
 
@@ -31,10 +32,10 @@ class SdoError : public ObjectError {
 
 struct SdoOptions {
   Time timeout = std::chrono::seconds(1);  // for each answer
-  // Number of retries of an upload without answer. Before a retry, and before the next upload, the client reads 1000h:
-  // a late answer comes before the answer to that. Without an answer, this read counts as the retry or the upload. A
-  // download is never repeated, because it may have taken effect. In a block transfer also the number of retries of a
-  // sub-block's acknowledgement.
+  // Number of retries of an upload without answer. Before a retry, and before the next upload, the client reads another
+  // object (LateAnswer): a late answer comes before the answer to that. Without an answer, this read counts as the
+  // retry or the upload. A download is never repeated, because it may have taken effect. In a block transfer also the
+  // number of retries of a sub-block's acknowledgement.
   unsigned retries = 1;
 };
 
@@ -73,7 +74,7 @@ class SdoClient final : public ObjectClient {
 
  private:
   void run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol protocol);
-  void expect_late_answer();
+  void expect_late_answer(ObjectAddress object);
   // Returns false if the node does not answer.
   bool drain_late_answer();
   void watch(const Frame& frame);
@@ -88,7 +89,7 @@ class SdoClient final : public ObjectClient {
   std::function<bool()> cancelled_;
   std::optional<Emergency> emergency_;
   bool size_is_known_ = true;
-  bool answer_may_come_late_ = false;  // to a request that was given up or repeated
+  LateAnswer late_answer_{};  // to a request that was given up or repeated
   SecondAnswer second_answer_;
   std::uint64_t sent_ = 0;  // frames of this client
   Bus::Subscription listening_;

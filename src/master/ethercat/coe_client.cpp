@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include "master/abort_text.hpp"
-#include "master/late_answer.hpp"
 
 namespace servodrome::master {
 
@@ -82,7 +81,7 @@ Mail CoeClient::ask(std::span<const std::uint8_t> request, ObjectAddress object,
   const bool names_object = expected == initiate_upload_answer || expected == initiate_download_answer;
   mailbox_.drain();
   mailbox_.send(MailboxType::coe, request, timeout());
-  answer_may_come_late_ = true;
+  expect_late_answer(object);
   auto answer = mailbox_.receive(MailboxType::coe, timeout(), [&](const Mail& mail) {
     if (mail.size() < coe_header_size + 1) return false;
     const auto service = static_cast<CoeService>(load_u16(mail.data()) >> 12);
@@ -95,8 +94,11 @@ Mail CoeClient::ask(std::span<const std::uint8_t> request, ObjectAddress object,
     if (service != CoeService::sdo_response || (command & specifier_mask) != expected) return false;
     return !names_object || same_object;
   });
-  if (!answer) throw CoeError(mailbox_.where(), object, is_upload, AbortCode::protocol_timed_out, false);
-  answer_may_come_late_ = false;
+  if (!answer) {
+    expect_late_answer(object);
+    throw CoeError(mailbox_.where(), object, is_upload, AbortCode::protocol_timed_out, false);
+  }
+  late_answer_.rule_out();
   answer->erase(answer->begin(), answer->begin() + coe_header_size);
   if (((*answer)[0] & specifier_mask) == abort_transfer) {
     throw CoeError(mailbox_.where(), object, is_upload, static_cast<AbortCode>(load_u32(&(*answer)[4])), true);
@@ -104,10 +106,15 @@ Mail CoeClient::ask(std::span<const std::uint8_t> request, ObjectAddress object,
   return std::move(*answer);
 }
 
+void CoeClient::expect_late_answer(ObjectAddress object) {
+  if (!LateAnswer::is_constant(object)) late_answer_.expect(mailbox_.master().now());
+}
+
 void CoeClient::drain_late_answer(ObjectAddress object) {
-  if (!answer_may_come_late_ || object == object_that_drains) return;
+  if (!late_answer_.is_expected(mailbox_.master().now()) || LateAnswer::is_constant(object)) return;
+  const ObjectAddress constant = late_answer_.next_object();
   try {
-    ask(request_of(initiate_upload, object_that_drains), object_that_drains, true, initiate_upload_answer);
+    ask(request_of(initiate_upload, constant), constant, true, initiate_upload_answer);
   } catch (const CoeError& error) {
     if (!error.from_slave()) throw CoeError(mailbox_.where(), object, true, error.code(), false);
   }

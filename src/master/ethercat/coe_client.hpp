@@ -2,6 +2,7 @@
 
 #include "dictionary/abort_code.hpp"
 #include "master/ethercat/mailbox_client.hpp"
+#include "master/late_answer.hpp"
 #include "master/object_client.hpp"
 #include "master/wait_limit.hpp"
 
@@ -60,7 +61,8 @@ class CoeClient {
 
   // The size determines the transfer: expedited, normal or segmented. An upload without an answer is repeated once; a
   // download is not, because it may have taken effect. Before the repetition, and before the next upload, the client
-  // reads 1000h: a late answer comes before the answer to that. Without an answer, the upload counts as unanswered.
+  // reads another object (LateAnswer): a late answer comes before the answer to that. Without an answer, the upload
+  // counts as unanswered.
   std::vector<std::byte> upload(ObjectAddress object) { return upload(object, false); }
   void download(ObjectAddress object, std::span<const std::byte> data) { download(object, data, false); }
   // Complete access: all entries in one transfer, from sub-index 0 (as two bytes) or from 1. BOOLEANs are packed as
@@ -98,6 +100,7 @@ class CoeClient {
 
  private:
   std::vector<std::byte> upload(ObjectAddress object, bool complete);
+  void expect_late_answer(ObjectAddress object);
   void drain_late_answer(ObjectAddress object);
   std::vector<std::byte> upload_once(ObjectAddress object, bool complete);
   void download(ObjectAddress object, std::span<const std::byte> data, bool complete);
@@ -110,7 +113,7 @@ class CoeClient {
   MailboxClient& mailbox_;
   Time timeout_;
   WaitLimit limit_{};
-  bool answer_may_come_late_ = false;
+  LateAnswer late_answer_{};
 };
 
 }  // namespace servodrome::master

@@ -126,7 +126,8 @@ std::optional<Bytes> ModbusClient::exchange_rtu(std::uint8_t unit, const Bytes& 
     client_->wait(sending + options_.turnaround);
     return Bytes{};
   }
-  const Time deadline = client_->now() + sending + limit_.timeout(options_.timeout);
+  // Without limit_: on this line an answer names no request, so a late one would be taken for the next one.
+  const Time deadline = client_->now() + sending + options_.timeout;
   Bytes answer;
   std::size_t wanted = 0;
   while (wanted == 0 || answer.size() < wanted) {

@@ -71,7 +71,7 @@ class ModbusClient {
   // Time on the link's clock.
   Time now() const { return client_->now(); }
   void wait(Time span) { client_->wait(span); }
-  // As ObjectClient::limit_wait(), for all units.
+  // As ObjectClient::limit_wait(), for all units; with RTU only without retries.
   void limit_wait(std::optional<Time> longest) { limit_.set(longest); }
 
  private:
