@@ -1,5 +1,6 @@
 #include "app/drive_group.hpp"
 
+#include <algorithm>
 #include <fmt/format.h>
 
 #include "app/commands.hpp"
@@ -77,7 +78,12 @@ void DriveGroup::operate() {
 
 std::unique_ptr<master::CyclicBus> DriveGroup::open_cyclic(const master::CanDrive& on_can) {
   constexpr master::Time period = std::chrono::milliseconds(1);
-  if (operation_) return std::make_unique<master::EthercatCyclicBus>(*ethercat_, *operation_);
+  if (operation_) {
+    master::Time brake_delay{};
+    for (const auto& axis : axes_) brake_delay = std::max(brake_delay, axis->brake_delay());
+    return std::make_unique<master::EthercatCyclicBus>(*ethercat_, *operation_,
+                                                       master::EthercatCyclicOptions{.brake_delay = brake_delay});
+  }
   if (!bus_) throw master::MasterError("there are no process data", "this bus", "use the drive's CAN or EtherCAT port");
   // Some drives answer a SYNC in their next tick, which may be more than half a period later.
   return std::make_unique<master::CanCyclicBus>(*bus_, std::vector{on_can},

@@ -180,14 +180,17 @@ void Axis402::reset_fault() {
 }
 
 void Axis402::step_to_operation(bool& is_commanded) {
+  PowerState present = state();
+  if (present == PowerState::operation_enabled) return;
   const Time timeout = options_.enable_timeout + brake_delay();
   const auto step = [&](std::uint16_t word, PowerState to, const char* doing) {
+    if (commands_operation(word)) leave_if_cancelled("commanding the drive");
     is_commanded = true;
     write_controlword(word);
     wait_for_state({to}, doing, timeout);
   };
-  for (;;) {
-    switch (state()) {
+  for (;; present = state()) {
+    switch (present) {
       case PowerState::not_ready_to_switch_on:
         wait_for_state({PowerState::switch_on_disabled, PowerState::ready_to_switch_on, PowerState::switched_on,
                         PowerState::operation_enabled},
@@ -215,19 +218,20 @@ void Axis402::step_to_operation(bool& is_commanded) {
 }
 
 // If the call fails, the command is taken back: the drive may carry it out later, for example when its brake has
-// opened.
+// opened. Quick stop leaves the states of enabling (transitions 7 and 10), and brakes an axis that another client moves
+// by now. The call does not wait, because other axes may have to be stopped.
 void Axis402::enable() {
   bool is_commanded = false;
   try {
     step_to_operation(is_commanded);
   } catch (...) {
-    try {
-      if (is_commanded) {
-        write_controlword(command_word::disable_voltage);
-        disable();
+    if (is_commanded) {
+      const LimitedWait limited(objects_, short_wait);
+      try {
+        write_controlword(command_word::quick_stop);
+      } catch (const std::exception&) {
+        // The first error is reported.
       }
-    } catch (const MasterError&) {
-      // The first error is reported.
     }
     throw;
   }

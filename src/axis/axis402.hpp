@@ -203,8 +203,8 @@ class Axis402 {
   void stop();
   // Commands the halt of stop() and does not wait for standstill.
   void begin_stop();
-  // begin_stop() of each axis in turn, for several axes, before stop() of each. A drive that does not answer soon gets
-  // a quick stop, so that it does not delay the stop of the next ones by its timeout. Errors are those of stop().
+  // begin_stop() of several axes, before stop() of each. Those whose drives do not answer soon come last, so that they
+  // do not delay the others by their timeouts. Errors are those of stop().
   static void begin_stop_of(std::span<Axis402* const> axes);
   // True if at least one stop() changed to a quick stop.
   bool became_quick_stop() const { return became_quick_stop_; }
@@ -289,6 +289,8 @@ class Axis402 {
       throw;
     }
   }
+  // An axis that does not answer within it delays other axes.
+  static constexpr Time short_wait = std::chrono::milliseconds(100);
   // The time in which a quick stop or the disabling must show in the statusword.
   Time time_to_obey() const;
   bool is_to_operate();

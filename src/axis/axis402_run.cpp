@@ -242,13 +242,17 @@ void Axis402::begin_stop() {
 }
 
 void Axis402::begin_stop_of(std::span<Axis402* const> axes) {
-  static constexpr Time short_wait = std::chrono::milliseconds(100);
+  std::vector<Axis402*> slow;
   for (Axis402* axis : axes) {
-    struct Limited {
-      ObjectClient& objects;
-      explicit Limited(ObjectClient& its_objects) : objects(its_objects) { objects.limit_wait(short_wait); }
-      ~Limited() { objects.limit_wait(std::nullopt); }
-    } const limited{axis->objects_};
+    const Restored rest(axis->comes_to_rest_, true);
+    const LimitedWait limited(axis->objects_, short_wait);
+    try {
+      if (axis->is_to_operate()) axis->command_halt();
+    } catch (const std::exception&) {
+      slow.push_back(axis);
+    }
+  }
+  for (Axis402* axis : slow) {
     try {
       axis->begin_stop();
     } catch (const std::exception&) {

@@ -174,6 +174,42 @@ TEST_P(Enabling, ACommandThatIsCancelledOrFailsIsTakenBack) {
   }
 }
 
+// Another client acts after the first write.
+class Beside final : public ObjectClient {
+ public:
+  Beside(ObjectClient& drive, std::function<void()> other) : drive_(drive), other_(std::move(other)) {}
+
+  std::vector<std::byte> upload(ObjectAddress object) override { return drive_.upload(object); }
+  void download(ObjectAddress object, std::span<const std::byte> data) override {
+    drive_.download(object, data);
+    if (const auto act = std::exchange(other_, nullptr)) act();
+  }
+  Time now() const override { return drive_.now(); }
+  void wait(Time span) override { drive_.wait(span); }
+  std::uint16_t address() const override { return drive_.address(); }
+  std::string where() const override { return drive_.where(); }
+
+ private:
+  ObjectClient& drive_;
+  std::function<void()> other_;
+};
+
+TEST(EnablingThatFails, BrakesAnAxisThatAnotherClientMovesByNow) {
+  AxisRig rig{{"generic402"}};
+  Axis402 other(rig.objects(), rig.options());
+  Beside objects(rig.objects(), [&] {
+    other.enable();
+    other.run_at(2 * 131072, {.acceleration = 10 * 131072, .deceleration = 10 * 131072}, 5s);
+  });
+  AxisOptions options = rig.options();
+  options.enable_timeout = 1s;
+  Axis402 axis(objects, options);
+  EXPECT_THAT(problem_of([&] { axis.enable(); }), HasSubstr("did not get ready to switch on"));
+  EXPECT_EQ(axis.state(), PowerState::quick_stop_active);
+  rig.objects().wait(2s);
+  EXPECT_EQ(axis.state(), PowerState::switch_on_disabled);
+}
+
 // An iSMK that holds the axis in Quick stop active closes its brake before it leaves that state.
 TEST(EnablingAfterAQuickStop, LastsUntilTheBrakeHasClosed) {
   AxisRig rig{{"ismk"}};

@@ -77,10 +77,11 @@ void EthercatCyclicBus::stop_drives() {
   const auto all_have_stopped = [&] {
     bool all = true;
     for (std::size_t i = 0; i < images_.size(); ++i) {
+      if (!can_stop(i) || !commands_quick_stop(images_[i])) continue;
       const bool stands = shafts[i].lasts(standing + options_.brake_delay, images_[i], master_.now());
       const auto state = shown_state(images_[i]);
       const bool operates = state == PowerState::operation_enabled || state == PowerState::quick_stop_active;
-      if (can_stop(i) && (operates || !stands)) all = false;
+      if (operates || !stands) all = false;
     }
     return all;
   };

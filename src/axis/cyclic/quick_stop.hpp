@@ -27,4 +27,10 @@ inline bool request_quick_stop(ProcessImage& image) {
   return true;
 }
 
+// True if the controlword of the image commands a quick stop, perhaps since an earlier call of request_quick_stop().
+inline bool commands_quick_stop(ProcessImage& image) {
+  const auto command = image.output({0x6040, 0});
+  return command && command->get<std::uint16_t>() == command_word::quick_stop;
+}
+
 }  // namespace servodrome::master
