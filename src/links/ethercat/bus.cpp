@@ -92,11 +92,11 @@ void EthercatBus::return_kept(Passage& passage, Time at) {
 }
 
 void EthercatBus::bring_back(EthercatSender sender, std::vector<std::uint8_t> frame) {
-  if (kept_.size() < most_kept) {
-    kept_.push_back({sender, std::move(frame)});
-  } else {
+  if (kept_.size() == most_kept) {  // the oldest one: its sender may be gone
+    kept_.erase(kept_.begin());
     ++counters_.dropped;
   }
+  kept_.push_back({sender, std::move(frame)});
 }
 
 void EthercatBus::settle(Time at) {

@@ -163,7 +163,7 @@ class EthercatBus {
     EthercatSender sender;
     std::vector<std::uint8_t> bytes;
   };
-  static constexpr std::size_t most_kept = 1024;  // further ones are lost
+  static constexpr std::size_t most_kept = 1024;  // then the oldest one is lost
   EthercatSender sender_;
   std::vector<Kept> kept_;
   std::vector<std::vector<std::uint8_t>> behind_;  // of the last frame, if some were kept
