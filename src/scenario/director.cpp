@@ -138,6 +138,10 @@ bool Director::remove(const std::string& name) {
   return true;
 }
 
+bool Director::was_added(const std::string& name) const {
+  return std::any_of(added_.begin(), added_.end(), [&name](const Rule& rule) { return rule.name == name; });
+}
+
 RuleRun* Director::run(std::size_t number) const {
   const auto found =
       std::find_if(rules_.begin(), rules_.end(), [number](const auto& rule) { return rule->number == number; });

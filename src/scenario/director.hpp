@@ -57,6 +57,8 @@ class Director final : public line::Follower {
   void add(const std::vector<Rule>& rules);
   // Ends the rule, undoes its effect and removes it from rules(). Returns false if no rule has this name.
   bool remove(const std::string& name);
+  // True if add() has added the rule.
+  bool was_added(const std::string& name) const;
   // Call this when the master has ended. The line may continue.
   void master_ended(bool success);
   // Ends all rules, undoes their effects, and judges the expectations that are still watched. Messages that the rules

@@ -44,7 +44,8 @@ class Routes {
   // Adds the rules of a text to the present scenario. Without one, a scenario without rules begins first. Throws
   // ApiError.
   api::Json add_rules(const std::string& body);
-  // Removes a rule from the scenario. Throws ApiError 404, and ApiError 409 during a trial.
+  // Removes a rule from the scenario. Throws ApiError 404, and ApiError 409 for a rule of a running
+  // trial that add_rules() has not added.
   api::Json remove_rule(const std::string& name);
   // Reports that the master has ended: {"success": true}.
   api::Json master_ended(const std::string& body);

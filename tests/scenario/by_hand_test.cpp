@@ -149,7 +149,7 @@ TEST(RulesByHand, AReplacementLosesNoDelayedFrame) {
   EXPECT_EQ(answers, 3U);
 }
 
-TEST(RulesByHand, DuringATrialNoScenarioReplacesItAndNoRuleLeaves) {
+TEST(RulesByHand, DuringATrialNoScenarioReplacesItAndNoneOfItsRulesLeaves) {
   Bench bench;
   bench.routes.begin("title = \"trial\"\n[[rule]]\nname = \"off\"\naxis = \"right\"\ndo = \"power\"\n", "s.toml",
                      Routes::Extra::standard_expectations);
@@ -160,6 +160,7 @@ TEST(RulesByHand, DuringATrialNoScenarioReplacesItAndNoRuleLeaves) {
   EXPECT_EQ(bench.routes.add_rules(body(hides))["rules"].size(), 2U);
   EXPECT_THAT(refusal([&] { bench.routes.remove_rule("off"); }), HasSubstr("a trial runs"));
   EXPECT_FALSE(bench.line.find_axis("right")->powered());
+  EXPECT_EQ(bench.routes.remove_rule("hides")["rules"].size(), 1U);  // was added by hand
   bench.routes.director()->finish();
   bench.routes.end_trial();
   EXPECT_EQ(bench.routes.begin(body("title = \"other\"\n"))["title"], "other");
