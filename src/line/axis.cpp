@@ -332,7 +332,8 @@ std::span<const std::uint8_t> Axis::Station::take() {
 }
 
 bool Axis::place(std::int64_t position_counts) {
-  if (powered_ && actuation_.pwm_enabled) return false;
+  // The drive switches the motor on in the tick before the plant sees it.
+  if (powered_ && (actuation_.pwm_enabled || device_->drive().energised())) return false;
   plant_.set_position_counts(position_counts);
   if (pair_ != nullptr) pair_->relax();
   plant_.sample(feedback_);

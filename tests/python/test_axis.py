@@ -191,9 +191,13 @@ def test_wrong_values_of_the_plant_change_nothing(x):
     assert x.plant.view() == before
 
 
-def test_an_energised_axis_is_not_put_elsewhere(enabled):
+# Also in the tick in which the drive switches the motor on.
+@pytest.mark.parametrize("ms_before", range(100, 104))
+def test_an_energised_axis_is_not_put_elsewhere(x, line, ms_before):
+    line.advance(ms_before / 1000)
+    x.enable()
     with pytest.raises(servodrome.Refused, match="energised"):
-        enabled.plant.position_counts = 0
+        x.plant.position_counts = 0
 
 
 # ---- Faults ----
