@@ -146,7 +146,7 @@ interface Counts {
 const counts = (page: Page) => page.evaluate(() => ({ ...(window as unknown as { counts: Counts }).counts, now: performance.now() }));
 
 test.describe('a line of 256 axes', () => {
-  test.use({ lineText: largeLine() });
+  test.use({ lineText: largeLine(), contextOptions: { reducedMotion: 'no-preference' } });
 
   test('is shown in rows, all of which can be reached', async ({ page, open, picture }) => {
     await page.setViewportSize({ width: 1366, height: 768 });
