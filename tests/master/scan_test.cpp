@@ -57,6 +57,21 @@ TEST(Scan, AStoppedNodeIsFoundByItsHeartbeat) {
   EXPECT_FALSE(nodes[0].device_type);
 }
 
+TEST(Scan, AWrongToggleIsAborted) {
+  CanLine line;
+  line.add(3);
+  line.bus.run_for(10ms);
+  std::vector<std::string> aborts;
+  line.lost = [&](const Frame& frame) {
+    if (frame.id == 0x603 && frame.data[0] == 0x80) aborts.push_back(text_of(frame));
+    return frame.id == 0x603 && frame.data[0] == 0x60;
+  };
+  const Bus::Subscription intruder =
+      line.bus.every(1ms, [&] { line.intrude(frame_of("583 # 10 41 42 43 44 45 46 47")); });
+  ASSERT_EQ(scan(line.bus, {.first = 3, .last = 3}).size(), 1U);
+  EXPECT_THAT(aborts, testing::Contains("603 # 80 08 10 00 00 00 03 05"));
+}
+
 TEST(Scan, AnswersThatGetLostLeaveGapsOnly) {
   CanLine line;
   line.add(4);

@@ -30,12 +30,10 @@ class Interview {
     if (finished() || !transfer_.receive(frame)) return;
     answered_ = true;
     deadline_ = bus_.now() + patience();
-    if (transfer_.finished()) {
-      if (transfer_.result() == AbortCode::none) take_answer();
-      next();
-    } else {
-      send();
-    }
+    send();  // perhaps the abort of a wrong answer
+    if (!transfer_.finished()) return;
+    if (transfer_.result() == AbortCode::none) take_answer();
+    next();
   }
 
   void poll() {
