@@ -251,14 +251,13 @@ Time Axis402::brake_delay() {
 }
 
 void Axis402::disable() {
-  const PowerState present = or_send(command_word::disable_voltage, [this] { return state(); });
-  if (present == PowerState::fault || present == PowerState::fault_reaction_active ||
-      present == PowerState::not_ready_to_switch_on || present == PowerState::switch_on_disabled) {
-    return take_back_targets_of_idle_axis();
-  }
   const Restored rest(comes_to_rest_, true);
+  const PowerState present = or_send(command_word::disable_voltage, [this] { return state(); });
+  const bool is_off = present == PowerState::fault || present == PowerState::switch_on_disabled;
+  if (is_off) return take_back_targets_of_idle_axis();
   halted_ = false;
   write_controlword(command_word::disable_voltage);
+  if (is_doubtful(present)) return take_back_targets_of_idle_axis();
   wait_for_state({PowerState::switch_on_disabled}, "switch off", time_to_obey() + brake_delay());
   take_back_targets();
 }
@@ -266,6 +265,7 @@ void Axis402::disable() {
 // Option code 605Ah decides: the drive stays in quick stop active or continues to switch on disabled.
 void Axis402::quick_stop() {
   const PowerState present = or_send(command_word::quick_stop, [this] { return state(); });
+  if (is_doubtful(present)) stop_in_doubt();
   if (present != PowerState::operation_enabled && present != PowerState::quick_stop_active) {
     return take_back_targets_of_idle_axis();
   }

@@ -291,6 +291,8 @@ class Axis402 {
   }
   // An axis that does not answer within it delays other axes.
   static constexpr Time short_wait = std::chrono::milliseconds(100);
+  static bool is_doubtful(PowerState state);
+  void stop_in_doubt();
   // The time in which a quick stop or the disabling must show in the statusword.
   Time time_to_obey() const;
   bool is_to_operate();

@@ -217,6 +217,7 @@ std::uint16_t Axis402::present_controlword() {
 void Axis402::stop() {
   const Restored rest(comes_to_rest_, true);
   const PowerState present = or_send(command_word::quick_stop, [this] { return state(); });
+  if (is_doubtful(present)) return stop_in_doubt();
   if (present == PowerState::quick_stop_active) wait_for_standstill();
   if (present != PowerState::operation_enabled) return;
   if (!or_send(command_word::quick_stop, [this] { return is_to_operate(); })) return complete_stop_of_another();
@@ -232,6 +233,19 @@ void Axis402::stop() {
   } else if (mode == OperationMode::homing) {
     write_controlword(command_word::enable_operation);  // bit 4 is 0: homing is aborted
   }
+}
+
+// A statusword that matches no state counts as not ready to switch on, and one bit that flickers makes operation
+// enabled look like a fault reaction: the axis may be in motion.
+bool Axis402::is_doubtful(PowerState state) {
+  return state == PowerState::not_ready_to_switch_on || state == PowerState::fault_reaction_active;
+}
+
+// A drive that is really in one of these states ignores the command.
+void Axis402::stop_in_doubt() {
+  halted_ = false;
+  write_controlword(command_word::quick_stop);
+  rests_within(options_.state_timeout);
 }
 
 void Axis402::begin_stop() {

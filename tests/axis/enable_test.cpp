@@ -210,6 +210,48 @@ TEST(EnablingThatFails, BrakesAnAxisThatAnotherClientMovesByNow) {
   EXPECT_EQ(axis.state(), PowerState::switch_on_disabled);
 }
 
+// Bits of the statusword are wrong from some moment on.
+class WrongBits final : public ObjectClient {
+ public:
+  explicit WrongBits(ObjectClient& drive) : drive_(drive) {}
+
+  std::vector<std::byte> upload(ObjectAddress object) override {
+    std::vector<std::byte> bytes = drive_.upload(object);
+    if (object.index == 0x6041) bytes[0] ^= wrong;
+    return bytes;
+  }
+  void download(ObjectAddress object, std::span<const std::byte> data) override { drive_.download(object, data); }
+  Time now() const override { return drive_.now(); }
+  void wait(Time span) override { drive_.wait(span); }
+  std::uint16_t address() const override { return drive_.address(); }
+  std::string where() const override { return drive_.where(); }
+
+  std::byte wrong{};
+
+ private:
+  ObjectClient& drive_;
+};
+
+// Bit 1: the word matches no state. Bit 3: it is that of a fault reaction.
+TEST(StoppingWithAWrongStatusword, BringsTheAxisToRest) {
+  for (const std::byte wrong : {std::byte{0x02}, std::byte{0x08}}) {
+    for (void (Axis402::*const end)() : {&Axis402::stop, &Axis402::quick_stop, &Axis402::disable}) {
+      AxisRig rig{{"generic402"}};
+      WrongBits objects(rig.objects());
+      Axis402 axis(objects, rig.options());
+      axis.enable();
+      axis.run_at(2 * 131072, {.acceleration = 10 * 131072, .deceleration = 10 * 131072}, 5s);
+      objects.wrong = wrong;
+      problem_of([&] { (axis.*end)(); });
+      rig.objects().wait(3s);
+      const double place = rig.shaft_counts();
+      rig.objects().wait(1s);
+      EXPECT_NEAR(rig.shaft_counts(), place, 20) << std::to_integer<int>(wrong);
+      EXPECT_NE(Axis402(rig.objects(), rig.options()).state(), PowerState::operation_enabled);
+    }
+  }
+}
+
 // An iSMK that holds the axis in Quick stop active closes its brake before it leaves that state.
 TEST(EnablingAfterAQuickStop, LastsUntilTheBrakeHasClosed) {
   AxisRig rig{{"ismk"}};
