@@ -84,7 +84,7 @@ def run_on_dask(
     if len(counter.done) >= plan.size:
         return
     if not scheduler:
-        with distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:
+        with distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
             with distributed.Client(cluster) as client:
                 _feed(distributed, client, counter, batch)
         return
