@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "axis/axis_rig.hpp"
+#include "axis/changed_drive.hpp"
 #include "drive/drive.hpp"
 
 namespace servodrome::master::test {
@@ -134,29 +135,22 @@ TEST_P(Enabling, WhatStopsLeavesNoTarget) {
 }
 
 // The objects of a drive that opens its brake before it shows Operation enabled.
-class SlowBrake final : public ObjectClient {
+class SlowBrake final : public ChangedDrive {
  public:
-  explicit SlowBrake(ObjectClient& drive) : drive_(drive) {}
+  using ChangedDrive::ChangedDrive;
 
   std::vector<std::byte> upload(ObjectAddress object) override {
-    std::vector<std::byte> bytes = drive_.upload(object);
+    std::vector<std::byte> bytes = ChangedDrive::upload(object);
     constexpr std::byte operation_enabled_bit{0x04};
     if (object.index == 0x6041 && (bytes[0] & std::byte{0x08}) == std::byte{0}) bytes[0] &= ~operation_enabled_bit;
     return bytes;
   }
   void download(ObjectAddress object, std::span<const std::byte> data) override {
     is_commanded |= object.index == 0x6040 && (data[0] & std::byte{0x0F}) == std::byte{0x0F};
-    drive_.download(object, data);
+    ChangedDrive::download(object, data);
   }
-  Time now() const override { return drive_.now(); }
-  void wait(Time span) override { drive_.wait(span); }
-  std::uint16_t address() const override { return drive_.address(); }
-  std::string where() const override { return drive_.where(); }
 
   bool is_commanded = false;
-
- private:
-  ObjectClient& drive_;
 };
 
 TEST_P(Enabling, ACommandThatIsCancelledOrFailsIsTakenBack) {
@@ -175,22 +169,16 @@ TEST_P(Enabling, ACommandThatIsCancelledOrFailsIsTakenBack) {
 }
 
 // Another client acts after the first write.
-class Beside final : public ObjectClient {
+class Beside final : public ChangedDrive {
  public:
-  Beside(ObjectClient& drive, std::function<void()> other) : drive_(drive), other_(std::move(other)) {}
+  Beside(ObjectClient& drive, std::function<void()> other) : ChangedDrive(drive), other_(std::move(other)) {}
 
-  std::vector<std::byte> upload(ObjectAddress object) override { return drive_.upload(object); }
   void download(ObjectAddress object, std::span<const std::byte> data) override {
-    drive_.download(object, data);
+    ChangedDrive::download(object, data);
     if (const auto act = std::exchange(other_, nullptr)) act();
   }
-  Time now() const override { return drive_.now(); }
-  void wait(Time span) override { drive_.wait(span); }
-  std::uint16_t address() const override { return drive_.address(); }
-  std::string where() const override { return drive_.where(); }
 
  private:
-  ObjectClient& drive_;
   std::function<void()> other_;
 };
 
@@ -211,25 +199,17 @@ TEST(EnablingThatFails, BrakesAnAxisThatAnotherClientMovesByNow) {
 }
 
 // Bits of the statusword are wrong from some moment on.
-class WrongBits final : public ObjectClient {
+class WrongBits final : public ChangedDrive {
  public:
-  explicit WrongBits(ObjectClient& drive) : drive_(drive) {}
+  using ChangedDrive::ChangedDrive;
 
   std::vector<std::byte> upload(ObjectAddress object) override {
-    std::vector<std::byte> bytes = drive_.upload(object);
+    std::vector<std::byte> bytes = ChangedDrive::upload(object);
     if (object.index == 0x6041) bytes[0] ^= wrong;
     return bytes;
   }
-  void download(ObjectAddress object, std::span<const std::byte> data) override { drive_.download(object, data); }
-  Time now() const override { return drive_.now(); }
-  void wait(Time span) override { drive_.wait(span); }
-  std::uint16_t address() const override { return drive_.address(); }
-  std::string where() const override { return drive_.where(); }
 
   std::byte wrong{};
-
- private:
-  ObjectClient& drive_;
 };
 
 // Bit 1: the word matches no state. Bit 3: it is that of a fault reaction.
@@ -267,26 +247,21 @@ TEST(EnablingAfterAQuickStop, LastsUntilTheBrakeHasClosed) {
 }
 
 // A drive with one object that misbehaves.
-class Odd final : public ObjectClient {
+class Odd final : public ChangedDrive {
  public:
-  Odd(ObjectClient& drive, std::uint16_t index, bool refuses) : drive_(drive), index_(index), refuses_(refuses) {}
+  Odd(ObjectClient& drive, std::uint16_t index, bool refuses) : ChangedDrive(drive), index_(index), refuses_(refuses) {}
 
   std::vector<std::byte> upload(ObjectAddress object) override {
-    std::vector<std::byte> bytes = drive_.upload(object);
+    std::vector<std::byte> bytes = ChangedDrive::upload(object);
     if (object.index == index_) std::fill(bytes.begin(), bytes.end(), std::byte{1});
     return bytes;
   }
   void download(ObjectAddress object, std::span<const std::byte> data) override {
     if (refuses_ && object.index == index_) throw ObjectError("the object is read-only", where(), "", false);
-    drive_.download(object, data);
+    ChangedDrive::download(object, data);
   }
-  Time now() const override { return drive_.now(); }
-  void wait(Time span) override { drive_.wait(span); }
-  std::uint16_t address() const override { return drive_.address(); }
-  std::string where() const override { return drive_.where(); }
 
  private:
-  ObjectClient& drive_;
   std::uint16_t index_;
   bool refuses_;
 };

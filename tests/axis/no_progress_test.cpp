@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <random>
 
+#include "axis/changed_drive.hpp"
 #include "axis/cia402_words.hpp"
 #include "axis/quick_motions.hpp"
 
@@ -14,12 +15,12 @@ using namespace quick_motions;
 using testing::HasSubstr;
 
 // A drive that shows another statusword or position than it has.
-class Shown final : public ObjectClient {
+class Shown final : public ChangedDrive {
  public:
-  explicit Shown(ObjectClient& drive) : drive_(drive) {}
+  using ChangedDrive::ChangedDrive;
 
   std::vector<std::byte> upload(ObjectAddress object) override {
-    std::vector<std::byte> bytes = drive_.upload(object);
+    std::vector<std::byte> bytes = ChangedDrive::upload(object);
     if (object.index == 0x6041) {
       std::uint16_t word = 0;
       std::memcpy(&word, bytes.data(), sizeof word);
@@ -38,11 +39,6 @@ class Shown final : public ObjectClient {
     }
     return bytes;
   }
-  void download(ObjectAddress object, std::span<const std::byte> data) override { drive_.download(object, data); }
-  Time now() const override { return drive_.now(); }
-  void wait(Time span) override { drive_.wait(span); }
-  std::uint16_t address() const override { return drive_.address(); }
-  std::string where() const override { return drive_.where(); }
 
   unsigned set = 0;  // bits of the statusword
   unsigned cleared = 0;
@@ -53,7 +49,6 @@ class Shown final : public ObjectClient {
   unsigned noise = 0;  // counts
 
  private:
-  ObjectClient& drive_;
   std::minstd_rand random_;
   std::optional<std::vector<std::byte>> frozen_;
 };

@@ -38,6 +38,18 @@ class SdoClientTest : public ::testing::Test {
     ADD_FAILURE() << "no SdoError";
     return SdoError("", 0, {}, true, AbortCode::none, false);
   }
+
+  // Reads the statusword while these frames arrive at once, as answers that are late.
+  std::uint16_t statusword_after(std::initializer_list<const char*> late, SdoClient& reader) {
+    bool sent = false;
+    const Bus::Subscription intruder = line.bus.every(1us, [&] {
+      if (std::exchange(sent, true)) return;
+      for (const char* text : late) line.intrude(frame_of(text));
+    });
+    const auto word = reader.read<std::uint16_t>(0x6041);
+    EXPECT_TRUE(sent);
+    return word;
+  }
 };
 
 TEST_F(SdoClientTest, ExpeditedOfEverySize) {
@@ -210,16 +222,7 @@ TEST_F(SdoClientTest, ALateAnswerIsNotTakenForTheNextOne) {
   line.lost = [](const Frame&) { return false; };
   device.objects.statusword = 0x0237;
   // The answer for 6040h arrives while the client waits for 6041h.
-  bool sent = false;
-  const Bus::Subscription intruder = line.bus.every(1us, [&] {
-    if (!std::exchange(sent, true)) {
-      for (const char* text : {"585 # 4B 40 60 00 FF FF 00 00", "585 # 80 40 60 00 00 00 04 05"}) {
-        line.intrude(frame_of(text));
-      }
-    }
-  });
-  EXPECT_EQ(impatient.read<std::uint16_t>(0x6041), 0x0237);
-  EXPECT_TRUE(sent);
+  EXPECT_EQ(statusword_after({"585 # 4B 40 60 00 FF FF 00 00", "585 # 80 40 60 00 00 00 04 05"}, impatient), 0x0237);
 }
 
 // The answer to a request that was given up arrives in the next upload of the same object.
@@ -230,12 +233,7 @@ TEST_F(SdoClientTest, ALateAnswerIsNotTakenForTheNextOneOfTheSameObject) {
     line.lost = [](const Frame& frame) { return frame.id == 0x605; };
     error_of([&] { impatient.read<std::uint16_t>(0x6041); });
     line.lost = [](const Frame&) { return false; };
-    bool sent = false;
-    const Bus::Subscription intruder = line.bus.every(1us, [&] {
-      if (!std::exchange(sent, true)) line.intrude(frame_of(late));
-    });
-    EXPECT_EQ(impatient.read<std::uint16_t>(0x6041), 0x0237);
-    EXPECT_TRUE(sent);
+    EXPECT_EQ(statusword_after({late}, impatient), 0x0237);
   }
 }
 
@@ -246,15 +244,7 @@ TEST_F(SdoClientTest, ALateAnswerToADrainDrainsNothing) {
   line.lost = [](const Frame& frame) { return frame.id == 0x605; };
   for (int i = 0; i < 2; ++i) error_of([&] { impatient.read<std::uint16_t>(0x6041); });
   line.lost = [](const Frame&) { return false; };
-  bool sent = false;
-  const Bus::Subscription intruder = line.bus.every(1us, [&] {
-    if (std::exchange(sent, true)) return;
-    for (const char* late : {"585 # 43 00 10 00 92 01 42 00", "585 # 4B 41 60 00 FF FF 00 00"}) {
-      line.intrude(frame_of(late));
-    }
-  });
-  EXPECT_EQ(impatient.read<std::uint16_t>(0x6041), 0x0237);
-  EXPECT_TRUE(sent);
+  EXPECT_EQ(statusword_after({"585 # 43 00 10 00 92 01 42 00", "585 # 4B 41 60 00 FF FF 00 00"}, impatient), 0x0237);
 }
 
 TEST_F(SdoClientTest, ANodeThatDoesNotAnswerTheDrainIsReadLater) {

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "axis/axis_rig.hpp"
+#include "axis/changed_drive.hpp"
 #include "tools/sampling/sampler_recorder.hpp"
 
 namespace servodrome::master::sampling {
@@ -12,6 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 using master::test::AxisRig;
+using master::test::ChangedDrive;
 using master::test::problem_of;
 using master::test::RigCase;
 using testing::HasSubstr;
@@ -244,23 +246,15 @@ TEST_P(Sampling, ReadsObjectsWhenItIsToldTo) {
 }
 
 // Refuses 6077h from a given moment.
-class Refusing final : public ObjectClient {
+class Refusing final : public ChangedDrive {
  public:
-  explicit Refusing(ObjectClient& drive) : drive_(drive) {}
+  using ChangedDrive::ChangedDrive;
   std::vector<std::byte> upload(ObjectAddress object) override {
     if (refuses && object == ObjectAddress{0x6077, 0}) throw ObjectError("it is busy", where(), "ask later", false);
-    return drive_.upload(object);
+    return ChangedDrive::upload(object);
   }
-  void download(ObjectAddress object, std::span<const std::byte> data) override { drive_.download(object, data); }
-  Time now() const override { return drive_.now(); }
-  void wait(Time span) override { drive_.wait(span); }
-  std::uint16_t address() const override { return drive_.address(); }
-  std::string where() const override { return drive_.where(); }
 
   bool refuses = false;
-
- private:
-  ObjectClient& drive_;
 };
 
 TEST(PolledSampler, AChannelThatIsRefusedEndsTheSamplingAndNotTheStop) {
