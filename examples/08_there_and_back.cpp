@@ -144,6 +144,7 @@ void run_on_can(std::string_view link) {
   sdo.write<std::int8_t>(0x6098, 0, home_is_here);
   master::CanCyclicBus bus(can.bus(), {master::synchronous_drive(1)}, {.period = 4ms});
   run(bus, configurations);
+  bus.close();  // throws if the drive does not get its mapping back
 }
 
 void run_on_ethercat(std::string_view link) {

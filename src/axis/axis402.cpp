@@ -125,9 +125,26 @@ void Axis402::write_number(ObjectAddress object, std::int64_t value) {
   objects_.download(object, std::as_bytes(std::span(&value, 1)).first(bytes));
 }
 
+// The caller has waited for an answer already.
+std::uint16_t Axis402::kept_controlword() {
+  constexpr Time longest = std::chrono::milliseconds(300);
+  const LimitedWait limited(objects_, longest);
+  return objects_.read<std::uint16_t>(0x6040);
+}
+
+// A drive that gave no answer may not have received the word. If it answers again, the word is read back, and sent once
+// more if the drive has another one.
 void Axis402::write_controlword(std::uint16_t word) {
-  if (commands_operation(word)) leave_if_cancelled("commanding the drive");
-  objects_.write<std::uint16_t>(0x6040, 0, word);
+  const auto send = [&] {
+    if (commands_operation(word)) leave_if_cancelled("commanding the drive");
+    objects_.write<std::uint16_t>(0x6040, 0, word);
+  };
+  try {
+    send();
+  } catch (const ObjectError& error) {
+    if (error.answered() || objects_.has_limited_wait()) throw;
+    if (kept_controlword() != word) send();
+  }
   controlword_ = word;
 }
 

@@ -250,6 +250,7 @@ class Axis402 {
 
  private:
   void write_controlword(std::uint16_t word);
+  std::uint16_t kept_controlword();
   // Writes 0 or the present position into a target and reads it back. Returns nullopt if the drive keeps the value or
   // does not have the object, otherwise the reason why not.
   std::optional<std::string> take_back(std::uint16_t index, bool to_present_position);
@@ -311,10 +312,11 @@ class Axis402 {
   // Called at each poll of a motion: true if the position has not changed for 0.5 s, nor its increments since then.
   bool stands();
   bool has_crept();  // true if 6063h has changed since the last call that returned true
-  // True if the drive reports target reached and the position is near the goal. Throws if the axis stands elsewhere, or
-  // comes no nearer.
+  // True if the drive reports target reached, and the axis rests near the goal. Throws if it stands elsewhere, or comes
+  // no nearer.
   bool has_arrived(std::uint16_t statusword, const std::string& doing);
-  std::int64_t tolerance();  // around the goal; within it the axis has arrived
+  bool has_ceased(std::int32_t at);  // true: the axis was at this place 10 ms ago, too
+  std::int64_t tolerance();          // around the goal; within it the axis has arrived
   // True if the goal is outside the position range 607Bh of an axis that wraps around.
   bool is_outside_range(std::int64_t goal);
   // True if the limit switch in the direction of motion is active (60FDh); false if the axis has no direction.
@@ -348,6 +350,8 @@ class Axis402 {
   Time next_look_{};
   std::optional<std::int64_t> closest_{};  // least distance to the goal while the drive shows it as reached
   Time closest_at_{};
+  std::optional<std::int32_t> arrived_{};  // position since `arrived_at_`, near the goal
+  Time arrived_at_{};
   Time crept_at_{};                     // has_crept() was true
   std::optional<std::int64_t> near_{};  // for tolerance()
   bool has_position_ = true;

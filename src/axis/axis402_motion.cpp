@@ -274,15 +274,26 @@ void Axis402::leave_if_rests_at_limit(const std::string& doing) {
   if (place_ && std::abs(std::int64_t{position()} - *place_) <= 1) leave_if_at_limit(doing);
 }
 
+// A drive may show the target as reached while the axis still approaches it.
+bool Axis402::has_ceased(std::int32_t at) {
+  constexpr Time between_looks = std::chrono::milliseconds(10);
+  if (!arrived_ || std::abs(std::int64_t{at} - *arrived_) > rest_distance()) {
+    arrived_ = at;
+    arrived_at_ = objects_.now();
+  }
+  return objects_.now() - arrived_at_ >= between_looks;
+}
+
 bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
   const bool reached = (statusword & status_bit::target_reached) != 0;
   if (!goal_) return reached;
   if (!reached) {
     closest_.reset();
+    arrived_.reset();
   } else {
     const std::int32_t at = position();
     const std::int64_t distance = std::abs(std::int64_t{*goal_} - at);
-    if (distance <= tolerance()) return true;
+    if (distance <= tolerance() && has_ceased(at)) return true;
     if (!closest_ || distance < *closest_) {
       closest_ = distance;
       closest_at_ = objects_.now();
@@ -312,6 +323,7 @@ void Axis402::wait_for_target(Time timeout, const Progress& progress) {
   place_.reset();
   near_.reset();
   closest_.reset();
+  arrived_.reset();
   follow(timeout, progress, doing, [&](std::uint16_t word) { return has_arrived(word, doing); });
 }
 

@@ -56,7 +56,11 @@ class ObjectClient {
 
   // From now on an access without answer fails after `longest`, without a retry. nullopt: after the client's own
   // timeout and retries. Clients that have no timeout ignore it.
-  virtual void limit_wait(std::optional<Time> /*longest*/) {}
+  void limit_wait(std::optional<Time> longest) {
+    has_limited_wait_ = longest.has_value();
+    set_wait_limit(longest);
+  }
+  bool has_limited_wait() const { return has_limited_wait_; }
 
   // Time on the bus's clock.
   virtual Time now() const = 0;
@@ -103,7 +107,10 @@ class ObjectClient {
   }
 
  private:
+  virtual void set_wait_limit(std::optional<Time> /*longest*/) {}
   void check_size(const std::vector<std::byte>& bytes, std::size_t at_most, ObjectAddress object) const;
+
+  bool has_limited_wait_ = false;
 };
 
 // Limits the wait of a client while it exists.

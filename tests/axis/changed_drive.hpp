@@ -11,13 +11,14 @@ class ChangedDrive : public ObjectClient {
 
   std::vector<std::byte> upload(ObjectAddress object) override { return drive_.upload(object); }
   void download(ObjectAddress object, std::span<const std::byte> data) override { drive_.download(object, data); }
-  void limit_wait(std::optional<Time> longest) override { drive_.limit_wait(longest); }
   Time now() const override { return drive_.now(); }
   void wait(Time span) override { drive_.wait(span); }
   std::uint16_t address() const override { return drive_.address(); }
   std::string where() const override { return drive_.where(); }
 
  private:
+  void set_wait_limit(std::optional<Time> longest) override { drive_.limit_wait(longest); }
+
   ObjectClient& drive_;
 };
 

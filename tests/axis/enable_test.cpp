@@ -3,6 +3,7 @@
 
 #include "axis/axis_rig.hpp"
 #include "axis/changed_drive.hpp"
+#include "axis/cia402_words.hpp"
 #include "drive/drive.hpp"
 
 namespace servodrome::master::test {
@@ -230,6 +231,50 @@ TEST(StoppingWithAWrongStatusword, BringsTheAxisToRest) {
       EXPECT_NE(Axis402(rig.objects(), rig.options()).state(), PowerState::operation_enabled);
     }
   }
+}
+
+// One write of the controlword gets no answer: the request or the answer is lost.
+class Lossy final : public ChangedDrive {
+ public:
+  Lossy(ObjectClient& drive, std::uint16_t word, bool loses_request)
+      : ChangedDrive(drive), word_(word), loses_request_(loses_request) {}
+
+  void download(ObjectAddress object, std::span<const std::byte> data) override {
+    const bool is_lost = object.index == 0x6040 && data[0] == static_cast<std::byte>(word_) && ++writes == 1;
+    if (!is_lost || !loses_request_) ChangedDrive::download(object, data);
+    if (is_lost) throw ObjectError("no answer", where(), "", false, false);
+  }
+
+  unsigned writes = 0;  // of the word
+
+ private:
+  std::uint16_t word_;
+  bool loses_request_;
+};
+
+TEST(AControlwordWithoutAnswer, IsSentAgainOnlyIfTheDriveHasNotReceivedIt) {
+  for (const bool loses_request : {true, false}) {
+    for (const std::uint16_t word : {command_word::shutdown, command_word::enable_operation}) {
+      AxisRig rig{{"generic402"}};
+      Lossy objects(rig.objects(), word, loses_request);
+      Axis402 axis(objects, rig.options());
+      axis.enable();
+      EXPECT_EQ(axis.state(), PowerState::operation_enabled);
+      EXPECT_EQ(objects.writes, loses_request ? 2U : 1U) << word;
+    }
+  }
+}
+
+TEST(AControlwordWithoutAnswer, IsNotSentAgainAfterACancellation) {
+  AxisRig rig{{"generic402"}};
+  Lossy objects(rig.objects(), command_word::enable_operation, true);
+  AxisOptions options = rig.options();
+  options.cancelled = [&] { return objects.writes > 0; };
+  Axis402 axis(objects, options);
+  EXPECT_THROW(axis.enable(), Cancelled);
+  EXPECT_EQ(objects.writes, 1U);
+  rig.objects().wait(1s);
+  EXPECT_FALSE(rig.drive().device().drive().energised());
 }
 
 // An iSMK that holds the axis in Quick stop active closes its brake before it leaves that state.

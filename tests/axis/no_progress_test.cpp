@@ -110,6 +110,14 @@ TEST_F(NoProgress, IsNoSlowApproachToATargetShownAsReached) {
   EXPECT_NEAR(axis.position(), target, revolution / 40);
 }
 
+// Within the tolerance of 1/50 revolution the axis still turns by 2 revolutions/s.
+TEST_F(NoProgress, AMoveShownAsReachedEndsWhenTheAxisRests) {
+  axis.enable();
+  objects.set = status_bit::target_reached;
+  axis.move_to(axis.position() + 2 * revolution, quick, 10s);
+  EXPECT_LT(std::abs(rig.drive().plant().velocity_rpm()), 10);
+}
+
 // In units that are as coarse as a revolution 6064h changes every 15 s. A ProNet homes to no index.
 bool is_pronet(const RigCase& one) { return std::string_view(one.product) == "pronet"; }
 class CoarseUnits : public testing::TestWithParam<RigCase> {};

@@ -57,7 +57,6 @@ class SdoClient final : public ObjectClient {
   bool size_is_known() const override { return size_is_known_; }
   void download(ObjectAddress object, std::span<const std::byte> data, SdoProtocol protocol);
 
-  void limit_wait(std::optional<Time> longest) override { limit_.set(longest); }
   Time now() const override { return bus_.now(); }
   void wait(Time span) override { bus_.run_for(span); }
   std::uint16_t address() const override { return node_id_; }
@@ -73,6 +72,7 @@ class SdoClient final : public ObjectClient {
   void cancel_when(std::function<bool()> cancelled) { cancelled_ = std::move(cancelled); }
 
  private:
+  void set_wait_limit(std::optional<Time> longest) override { limit_.set(longest); }
   void run(SdoTransfer& transfer, ObjectAddress object, SdoProtocol protocol);
   void expect_late_answer(ObjectAddress object);
   // Returns false if the node does not answer.

@@ -25,7 +25,6 @@ class CoeObjects final : public ObjectClient {
 
   std::vector<std::byte> upload(ObjectAddress object) override;
   void download(ObjectAddress object, std::span<const std::byte> data) override;
-  void limit_wait(std::optional<Time> longest) override { slave_.limit_wait(longest); }
   Time now() const override { return slave_.master().now(); }
   // Throws EthercatError if the slave has left OP or does not answer any more. Other slaves of the exchange may.
   void wait(Time span) override;
@@ -37,6 +36,7 @@ class CoeObjects final : public ObjectClient {
   EthercatSlave& slave() { return slave_; }
 
  private:
+  void set_wait_limit(std::optional<Time> longest) override { slave_.limit_wait(longest); }
   bool exchanges() const { return exchange_ != nullptr && exchange_->runs(); }
   bool inputs_have_changed() const;
   void watch_inputs();

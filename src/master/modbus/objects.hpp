@@ -26,7 +26,6 @@ class ModbusObjects final : public ObjectClient {
   std::vector<std::vector<std::size_t>> read_together(std::span<const ObjectAddress> objects) const override;
   std::vector<std::vector<std::byte>> upload_together(std::span<const ObjectAddress> objects) override;
   void download(ObjectAddress object, std::span<const std::byte> data) override;
-  void limit_wait(std::optional<Time> longest) override { client_.limit_wait(longest); }
   Time now() const override { return client_.now(); }
   void wait(Time span) override { client_.wait(span); }
   std::uint16_t address() const override { return unit_; }
@@ -38,6 +37,7 @@ class ModbusObjects final : public ObjectClient {
     const dictionary::Entry* entry;
   };
 
+  void set_wait_limit(std::optional<Time> longest) override { client_.limit_wait(longest); }
   Place find(ObjectAddress object) const;
   // Which 16 bits of a number are in register `word` of `words`; 0: the lowest.
   std::size_t significance(std::size_t word, std::size_t words) const;
