@@ -309,7 +309,9 @@ void DriveLink::operate(const BusOptions& options) {
 
 std::unique_ptr<master::CyclicBus> DriveLink::open_cyclic(const master::CanDrive& on_can, const BusOptions& options) {
   if (operates()) {
-    return std::make_unique<master::EthercatCyclicBus>(*on<Ethercat>()->master, *on<Ethercat>()->operation);
+    return std::make_unique<master::EthercatCyclicBus>(
+        *on<Ethercat>()->master, *on<Ethercat>()->operation,
+        master::EthercatCyclicOptions{.brake_delay = open_axis({})->brake_delay()});
   }
   if (on<Can>() == nullptr) throw Failure::wrong_use(fmt::format("--bus {}: it has no process data", options.link));
   // Some drives answer a SYNC in their next tick, which may be more than half a period later.

@@ -125,15 +125,19 @@ void Axis402::write_number(ObjectAddress object, std::int64_t value) {
   objects_.download(object, std::as_bytes(std::span(&value, 1)).first(bytes));
 }
 
-// The caller has waited for an answer already.
-std::uint16_t Axis402::kept_controlword() {
+// The word that the drive has; nullopt: it does not answer. The caller has waited for an answer already.
+std::optional<std::uint16_t> Axis402::kept_controlword() {
   constexpr Time longest = std::chrono::milliseconds(300);
   const LimitedWait limited(objects_, longest);
-  return objects_.read<std::uint16_t>(0x6040);
+  try {
+    return objects_.read<std::uint16_t>(0x6040);
+  } catch (const ObjectError&) {
+    return std::nullopt;
+  }
 }
 
 // A drive that gave no answer may not have received the word. If it answers again, the word is read back, and sent once
-// more if the drive has another one.
+// more if the drive does not have it. A word of another client, which is newer, is replaced only by a stop.
 void Axis402::write_controlword(std::uint16_t word) {
   const auto send = [&] {
     if (commands_operation(word)) leave_if_cancelled("commanding the drive");
@@ -143,7 +147,10 @@ void Axis402::write_controlword(std::uint16_t word) {
     send();
   } catch (const ObjectError& error) {
     if (error.answered() || objects_.has_limited_wait()) throw;
-    if (kept_controlword() != word) send();
+    const bool is_stop = word == command_word::quick_stop || word == command_word::disable_voltage;
+    const auto kept = kept_controlword();
+    if (!kept || (kept != word && kept != controlword_ && !is_stop)) throw;
+    if (kept != word) send();
   }
   controlword_ = word;
 }

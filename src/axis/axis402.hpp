@@ -250,7 +250,7 @@ class Axis402 {
 
  private:
   void write_controlword(std::uint16_t word);
-  std::uint16_t kept_controlword();
+  std::optional<std::uint16_t> kept_controlword();
   // Writes 0 or the present position into a target and reads it back. Returns nullopt if the drive keeps the value or
   // does not have the object, otherwise the reason why not.
   std::optional<std::string> take_back(std::uint16_t index, bool to_present_position);

@@ -242,10 +242,13 @@ class Lossy final : public ChangedDrive {
   void download(ObjectAddress object, std::span<const std::byte> data) override {
     const bool is_lost = object.index == 0x6040 && data[0] == static_cast<std::byte>(word_) && ++writes == 1;
     if (!is_lost || !loses_request_) ChangedDrive::download(object, data);
-    if (is_lost) throw ObjectError("no answer", where(), "", false, false);
+    if (!is_lost) return;
+    if (meanwhile) meanwhile();
+    throw ObjectError("no answer", where(), "", false, false);
   }
 
   unsigned writes = 0;  // of the word
+  std::function<void()> meanwhile{};
 
  private:
   std::uint16_t word_;
@@ -275,6 +278,20 @@ TEST(AControlwordWithoutAnswer, IsNotSentAgainAfterACancellation) {
   EXPECT_EQ(objects.writes, 1U);
   rig.objects().wait(1s);
   EXPECT_FALSE(rig.drive().device().drive().energised());
+}
+
+TEST(AControlwordWithoutAnswer, DoesNotReplaceANewerOneOfAnotherClientUnlessItStopsTheAxis) {
+  for (const std::uint16_t word : {command_word::enable_operation, command_word::disable_voltage}) {
+    AxisRig rig{{"generic402"}};
+    Lossy objects(rig.objects(), word, true);
+    Axis402 axis(objects, rig.options());
+    if (word == command_word::disable_voltage) axis.enable();
+    objects.meanwhile = [&] { rig.objects().write<std::uint16_t>(0x6040, 0, 0x0106); };
+    const std::string problem =
+        problem_of([&] { word == command_word::disable_voltage ? axis.disable() : axis.enable(); });
+    EXPECT_EQ(objects.writes, word == command_word::disable_voltage ? 2U : 1U) << problem;
+    EXPECT_FALSE(rig.drive().device().drive().energised());
+  }
 }
 
 // An iSMK that holds the axis in Quick stop active closes its brake before it leaves that state.
