@@ -10,6 +10,7 @@ drive reported the whole motion; 1: an error, whose reason is printed in one lin
 
 import argparse
 import math
+import os
 import signal
 import struct
 import sys
@@ -334,7 +335,9 @@ def end_by_signal(*_):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("interface")
-    parser.add_argument("--slaves", type=int, default=1, help="so many slaves must be there")
+    # `servodrome trial` names the drives of the machine, with commas between them.
+    products = os.environ.get("SERVODROME_PRODUCTS", "")
+    parser.add_argument("--slaves", type=int, default=products.count(",") + 1, help="so many slaves must be there")
     arguments = parser.parse_args()
     pysoem.settings.always_release_gil = True
     # Real-time priority, for a PC with a high load.
