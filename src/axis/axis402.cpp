@@ -125,19 +125,32 @@ void Axis402::write_number(ObjectAddress object, std::int64_t value) {
   objects_.download(object, std::as_bytes(std::span(&value, 1)).first(bytes));
 }
 
-// The word that the drive has; nullopt: it does not answer. The caller has waited for an answer already.
+// The word that the drive has; nullopt: it does not tell. The caller has waited for an answer already.
 std::optional<std::uint16_t> Axis402::kept_controlword() {
   constexpr Time longest = std::chrono::milliseconds(300);
   const LimitedWait limited(objects_, longest);
   try {
     return objects_.read<std::uint16_t>(0x6040);
-  } catch (const ObjectError&) {
+  } catch (const MasterError&) {
     return std::nullopt;
   }
 }
 
-// A drive that gave no answer may not have received the word. If it answers again, the word is read back, and sent once
-// more if the drive does not have it. A word of another client, which is newer, is replaced only by a stop.
+// Whether a word that the drive may not have received is sent again, over the word that it has. Another client may have
+// stopped the axis meanwhile, and its word may be the same as the former one of this client. So only words that start
+// no motion are sent again.
+bool Axis402::is_sent_again(std::uint16_t word, std::uint16_t kept) const {
+  if (is_stop(word)) return true;
+  if (commands_operation(word)) return (word & control_bit::halt) != 0 && commands_operation(kept);
+  return kept == controlword_;
+}
+
+bool Axis402::is_stop(std::uint16_t word) const {
+  return word == command_word::quick_stop || (word == command_word::disable_voltage && comes_to_rest_);
+}
+
+// A drive that gave no answer may not have received the word. If it answers again, the word is read back. Under a
+// limited wait a stop is sent a second time without that.
 void Axis402::write_controlword(std::uint16_t word) {
   const auto send = [&] {
     if (commands_operation(word)) leave_if_cancelled("commanding the drive");
@@ -146,11 +159,15 @@ void Axis402::write_controlword(std::uint16_t word) {
   try {
     send();
   } catch (const ObjectError& error) {
-    if (error.answered() || objects_.has_limited_wait()) throw;
-    const bool is_stop = word == command_word::quick_stop || word == command_word::disable_voltage;
-    const auto kept = kept_controlword();
-    if (!kept || (kept != word && kept != controlword_ && !is_stop)) throw;
-    if (kept != word) send();
+    if (error.answered()) throw;
+    if (objects_.has_limited_wait()) {
+      if (!is_stop(word)) throw;
+      send();
+    } else {
+      const auto kept = kept_controlword();
+      if (!kept || (*kept != word && !is_sent_again(word, *kept))) throw;
+      if (*kept != word) send();
+    }
   }
   controlword_ = word;
 }

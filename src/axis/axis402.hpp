@@ -251,6 +251,8 @@ class Axis402 {
  private:
   void write_controlword(std::uint16_t word);
   std::optional<std::uint16_t> kept_controlword();
+  bool is_sent_again(std::uint16_t word, std::uint16_t kept) const;
+  bool is_stop(std::uint16_t word) const;
   // Writes 0 or the present position into a target and reads it back. Returns nullopt if the drive keeps the value or
   // does not have the object, otherwise the reason why not.
   std::optional<std::string> take_back(std::uint16_t index, bool to_present_position);
@@ -315,8 +317,9 @@ class Axis402 {
   // True if the drive reports target reached, and the axis rests near the goal. Throws if it stands elsewhere, or comes
   // no nearer.
   bool has_arrived(std::uint16_t statusword, const std::string& doing);
-  bool has_ceased(std::int32_t at);  // true: the axis was at this place 10 ms ago, too
-  std::int64_t tolerance();          // around the goal; within it the axis has arrived
+  // Within the tolerance: true if the position has hardly changed for 10 ms, or stays within the tolerance for 0.5 s.
+  bool has_ceased(std::int32_t at);
+  std::int64_t tolerance();  // around the goal; within it the axis has arrived
   // True if the goal is outside the position range 607Bh of an axis that wraps around.
   bool is_outside_range(std::int64_t goal);
   // True if the limit switch in the direction of motion is active (60FDh); false if the axis has no direction.
@@ -352,6 +355,7 @@ class Axis402 {
   Time closest_at_{};
   std::optional<std::int32_t> arrived_{};  // position since `arrived_at_`, near the goal
   Time arrived_at_{};
+  Time near_since_{};
   Time crept_at_{};                     // has_crept() was true
   std::optional<std::int64_t> near_{};  // for tolerance()
   bool has_position_ = true;

@@ -274,14 +274,19 @@ void Axis402::leave_if_rests_at_limit(const std::string& doing) {
   if (place_ && std::abs(std::int64_t{position()} - *place_) <= 1) leave_if_at_limit(doing);
 }
 
-// A drive may show the target as reached while the axis still approaches it.
+// A drive may show the target as reached while the axis still approaches it. An axis that vibrates has arrived, too.
 bool Axis402::has_ceased(std::int32_t at) {
   constexpr Time between_looks = std::chrono::milliseconds(10);
-  if (!arrived_ || std::abs(std::int64_t{at} - *arrived_) > rest_distance()) {
+  constexpr Time vibrating = std::chrono::milliseconds(500);
+  const Time now = objects_.now();
+  // A thousandth of a revolution, or one unit if the units are coarse.
+  const std::int64_t still = std::min(rest_distance(), std::max<std::int64_t>(1, tolerance() / 20));
+  if (!arrived_) near_since_ = now;
+  if (!arrived_ || std::abs(std::int64_t{at} - *arrived_) > still) {
     arrived_ = at;
-    arrived_at_ = objects_.now();
+    arrived_at_ = now;
   }
-  return objects_.now() - arrived_at_ >= between_looks;
+  return now - arrived_at_ >= between_looks || now - near_since_ >= vibrating;
 }
 
 bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
@@ -293,7 +298,8 @@ bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
   } else {
     const std::int32_t at = position();
     const std::int64_t distance = std::abs(std::int64_t{*goal_} - at);
-    if (distance <= tolerance() && has_ceased(at)) return true;
+    if (distance <= tolerance()) return has_ceased(at);
+    arrived_.reset();
     if (!closest_ || distance < *closest_) {
       closest_ = distance;
       closest_at_ = objects_.now();

@@ -347,6 +347,7 @@ void Axis402::resume() {
   require_enabled("go on");
   place_.reset();  // the time of the halt is no time without progress
   closest_.reset();
+  arrived_.reset();
   const bool moves = mode() == static_cast<std::int8_t>(OperationMode::profile_position);
   if (moves && must_send_again_) {
     if (!goal_ || is_outside_range(*goal_)) fail("the drive has dropped the halted move", "order it anew");

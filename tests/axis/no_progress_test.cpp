@@ -118,6 +118,14 @@ TEST_F(NoProgress, AMoveShownAsReachedEndsWhenTheAxisRests) {
   EXPECT_LT(std::abs(rig.drive().plant().velocity_rpm()), 10);
 }
 
+TEST_F(NoProgress, AMoveOfAnAxisThatVibratesEnds) {
+  axis.enable();
+  objects.noise = revolution / 100;
+  const Time begun = objects.now();
+  axis.move_to(axis.position() + 2 * revolution, quick, 10s);
+  EXPECT_LT(objects.now() - begun, 2s);
+}
+
 // In units that are as coarse as a revolution 6064h changes every 15 s. A ProNet homes to no index.
 bool is_pronet(const RigCase& one) { return std::string_view(one.product) == "pronet"; }
 class CoarseUnits : public testing::TestWithParam<RigCase> {};
