@@ -318,7 +318,7 @@ class Axis402 {
   // no nearer.
   bool has_arrived(std::uint16_t statusword, const std::string& doing);
   // Within the tolerance: true if the position has hardly changed for 10 ms, or stays within the tolerance for 0.5 s.
-  bool has_ceased(std::int32_t at);
+  bool has_settled(std::int32_t at);
   std::int64_t tolerance();  // around the goal; within it the axis has arrived
   // True if the goal is outside the position range 607Bh of an axis that wraps around.
   bool is_outside_range(std::int64_t goal);

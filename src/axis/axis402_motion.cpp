@@ -275,7 +275,7 @@ void Axis402::leave_if_rests_at_limit(const std::string& doing) {
 }
 
 // A drive may show the target as reached while the axis still approaches it. An axis that vibrates has arrived, too.
-bool Axis402::has_ceased(std::int32_t at) {
+bool Axis402::has_settled(std::int32_t at) {
   constexpr Time between_looks = std::chrono::milliseconds(10);
   constexpr Time vibrating = std::chrono::milliseconds(500);
   const Time now = objects_.now();
@@ -298,7 +298,7 @@ bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
   } else {
     const std::int32_t at = position();
     const std::int64_t distance = std::abs(std::int64_t{*goal_} - at);
-    if (distance <= tolerance()) return has_ceased(at);
+    if (distance <= tolerance()) return has_settled(at);
     arrived_.reset();
     if (!closest_ || distance < *closest_) {
       closest_ = distance;

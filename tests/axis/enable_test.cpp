@@ -275,20 +275,18 @@ TEST(AControlwordWithoutAnswer, ThatStartsAMotionIsNotSentAgain) {
   EXPECT_FALSE(rig.drive().device().drive().energised());
 }
 
-// The stop of the other client ends with the word that this client wrote before.
+// A stop of homing ends with 000Fh, the word that this client has written before 001Fh.
 TEST(AControlwordWithoutAnswer, DoesNotUndoTheStopOfAnotherClient) {
+  constexpr std::uint16_t start_homing_word = 0x001F;
   AxisRig rig{{"generic402"}};
-  Lossy objects(rig.objects(), command_word::enable_operation, true);
-  objects.writes = 1;  // those of the enabling and of the run arrive
+  Lossy objects(rig.objects(), start_homing_word, true);
   Axis402 axis(objects, rig.options());
   Axis402 other(rig.objects(), rig.options());
   axis.enable();
-  axis.run_at(2 * 131072, {.acceleration = 10 * 131072, .deceleration = 10 * 131072}, 5s);
-  axis.halt();
-  objects.writes = 0;
   objects.meanwhile = [&] { other.stop(); };
-  problem_of([&] { axis.resume(); });
   const double place = rig.shaft_counts();
+  const HomingRequest to_index{34, 2 * 131072, 131072, 100 * 131072, {}};
+  EXPECT_THAT(problem_of([&] { axis.home(to_index, 10s); }), HasSubstr("no answer"));
   rig.objects().wait(1s);
   EXPECT_NEAR(rig.shaft_counts(), place, 200);
 }

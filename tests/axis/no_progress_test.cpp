@@ -33,7 +33,8 @@ class Shown final : public ChangedDrive {
       std::int32_t position = 0;
       std::memcpy(&position, bytes.data(), sizeof position);
       position += static_cast<std::int32_t>(drift_per_s * std::chrono::duration<double>(now()).count());
-      position += offset + (noise > 0 ? static_cast<std::int32_t>(random_() % noise) : 0);
+      if (swing != 0) swing = -swing;
+      position += offset + swing + (noise > 0 ? static_cast<std::int32_t>(random_() % noise) : 0);
       position /= counts_per_unit;
       std::memcpy(bytes.data(), &position, sizeof position);
     }
@@ -46,7 +47,8 @@ class Shown final : public ChangedDrive {
   double drift_per_s = 0.0;
   std::int32_t counts_per_unit = 1;
   std::int32_t offset = 0;
-  unsigned noise = 0;  // counts
+  unsigned noise = 0;      // counts
+  std::int32_t swing = 0;  // counts, with the other sign in each reading
 
  private:
   std::minstd_rand random_;
@@ -120,10 +122,21 @@ TEST_F(NoProgress, AMoveShownAsReachedEndsWhenTheAxisRests) {
 
 TEST_F(NoProgress, AMoveOfAnAxisThatVibratesEnds) {
   axis.enable();
-  objects.noise = revolution / 100;
+  const std::int32_t target = axis.position() + 2 * revolution;
+  objects.swing = revolution / 100;
   const Time begun = objects.now();
-  axis.move_to(axis.position() + 2 * revolution, quick, 10s);
+  axis.move_to(target, quick, 10s);
   EXPECT_LT(objects.now() - begun, 2s);
+}
+
+// A unit is a degree, and the tolerance 8 degrees.
+TEST_F(NoProgress, AMoveInCoarseUnitsShownAsReachedEndsWhenTheAxisRests) {
+  constexpr std::int32_t degrees = 360;
+  objects.write<std::uint32_t>(0x6092, 1, degrees);
+  axis.enable();
+  objects.set = status_bit::target_reached;
+  axis.move_to(axis.position() + 2 * degrees, {10 * degrees, 100 * degrees, 100 * degrees}, 10s);
+  EXPECT_LT(std::abs(rig.drive().plant().velocity_rpm()), 20);
 }
 
 // In units that are as coarse as a revolution 6064h changes every 15 s. A ProNet homes to no index.
