@@ -32,9 +32,10 @@ MOVES_RPM = 1.0  # faster than that is motion
 PRODUCTS = ("generic402", "ismc", "pronet", "ismk", "generic402-ec", "jmc_ec", "ismk-ea")
 # Objects that are set after each power-on: the factory's limits of the jmc_ec are 216 rpm and 25 revolutions/s^2.
 SET_UP = {"jmc_ec": {0x607F: 160_000, 0x6080: 160_000, 0x60C5: 2_000_000, 0x60C6: 2_000_000}}
-# Margins of the figures, absolute and relative. Peaks may lie between two samples.
+# Margins of the figures, absolute and relative. Peaks may lie between two samples. A move ends at a poll of its master,
+# which comes every 5 ms, so equal moves may differ by one poll.
 MARGINS = {
-    "duration_s": (0.002, 0.0),
+    "duration_s": (0.006, 0.0),
     "final_error_counts": (2.0, 0.0),
     "peak_torque_nm": (0.005, 0.03),
     "peak_velocity_rpm": (0.5, 0.002),
