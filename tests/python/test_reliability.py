@@ -52,6 +52,17 @@ def test_a_figure_that_leaves_its_range_is_a_finding():
     assert figures.outside("duration_s", 0.493)
 
 
+@pytest.mark.parametrize(("shift_s", "changed"), [(0.001, []), (0.002, ["duration_s"])])
+def test_a_mean_that_changes_is_a_finding(shift_s, changed):
+    figures = soak.Figures()
+    for number in range(200):
+        value = 0.500 + 0.005 * (number % 2)
+        figures.add("duration_s", value, True)
+        figures.add("duration_s", value + shift_s, False)
+        assert not figures.outside("duration_s", value + shift_s)
+    assert [name for name, _, _ in figures.changed_means()] == changed
+
+
 class Drifting:
     """An axis whose position object loses counts in an overflow."""
 

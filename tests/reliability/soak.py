@@ -7,7 +7,8 @@ stops, is disabled, and rests until the cycle is over. So over time it moves wit
 After each move these must hold: the true shaft moved by the demanded distance; the drive's position object differs from
 the true shaft by the same offset as before; the drive has no fault. The figures of a move (its duration, peak torque,
 peak velocity, largest following error, final error) and the winding's temperature must stay in the range that they had
-in the reference hours, with a small margin. Memory must not grow after the first hours.
+in the reference hours, with a small margin, and their means closer to those of the reference hours. Memory must not grow
+after the first hours.
 """
 
 import heapq
@@ -33,15 +34,18 @@ PRODUCTS = ("generic402", "ismc", "pronet", "ismk", "generic402-ec", "jmc_ec", "
 # Objects that are set after each power-on: the factory's limits of the jmc_ec are 216 rpm and 25 revolutions/s^2.
 SET_UP = {"jmc_ec": {0x607F: 160_000, 0x6080: 160_000, 0x60C5: 2_000_000, 0x60C6: 2_000_000}}
 # Margins of the figures, absolute and relative. Peaks may lie between two samples. A move ends at a poll of its master,
-# which comes every 5 ms, so equal moves may differ by one poll.
+# which comes every 5 ms, so equal moves may differ by one poll. Static friction holds the shaft of some moves beside the
+# target: of 7200 moves of a generic402, 22 ended 4 to 8 counts away, all others at most 3.
 MARGINS = {
     "duration_s": (0.006, 0.0),
-    "final_error_counts": (2.0, 0.0),
+    "final_error_counts": (4.0, 0.0),
     "peak_torque_nm": (0.005, 0.03),
     "peak_velocity_rpm": (0.5, 0.002),
     "following_error": (2.0, 0.15),
     "winding_c": (2.0, 0.0),
 }
+MEAN_SHARE = 0.25  # of the margin: a mean varies less than the single values
+VALUES_FOR_MEAN = 100
 # Largest error of a reading: eccentricity and interpolation of the encoder (20 + 5 + 3 arc seconds) and six times its
 # r.m.s. noise (2).
 ENCODER_ERROR_REVOLUTIONS = (28 + 6 * 2) / 1_296_000
@@ -56,15 +60,22 @@ class Span:
     def __init__(self):
         self.low = float("inf")
         self.high = float("-inf")
+        self.sum = 0.0
         self.count = 0
 
     def add(self, value):
         self.low = min(self.low, value)
         self.high = max(self.high, value)
+        self.sum += value
         self.count += 1
 
+    @property
+    def mean(self):
+        return self.sum / self.count
+
     def as_list(self):
-        return [round(self.low, 6), round(self.high, 6)] if self.count else None
+        """Lowest, mean and highest value."""
+        return [round(value, 6) for value in (self.low, self.mean, self.high)] if self.count else None
 
 
 class Figures:
@@ -77,14 +88,26 @@ class Figures:
     def add(self, name, value, is_reference):
         (self.reference if is_reference else self.later).setdefault(name, Span()).add(value)
 
+    def margin(self, name):
+        absolute, share = MARGINS[name]
+        return absolute + share * self.reference[name].high
+
     def outside(self, name, value):
         """True if the value is outside of the reference range, widened by the margin."""
         span = self.reference.get(name)
         if span is None:
             return False
-        absolute, share = MARGINS[name]
-        margin = absolute + share * span.high
+        margin = self.margin(name)
         return not span.low - margin <= value <= span.high + margin
+
+    def changed_means(self):
+        """The figures whose mean has changed since the reference hours, each with both means."""
+        for name, span in self.reference.items():
+            later = self.later.get(name)
+            if later is None or min(span.count, later.count) < VALUES_FOR_MEAN:
+                continue
+            if abs(later.mean - span.mean) > MEAN_SHARE * self.margin(name):
+                yield name, span.mean, later.mean
 
 
 class Subject:
@@ -188,6 +211,10 @@ class Subject:
             self.fail(f"{name} is {value:.6g}, in the reference hours {self.figures.reference[name].as_list()}")
         self.figures.add(name, value, is_reference)
 
+    def judge_means(self):
+        for name, before, later in self.figures.changed_means():
+            self.fail(f"the mean of {name} is {later:.6g}, in the reference hours {before:.6g}")
+
     def check_offset(self):
         """Checks that the position object and the true shaft have moved by the same distance since the last
         power-on."""
@@ -266,6 +293,8 @@ class Soak:
         in_motion = sum(subject.seconds_in_motion for subject in self.subjects)
         figures["share_in_motion"] = round(in_motion / (self.line.now * len(self.subjects)), 4)
         figures["figures"] = {subject.axis.name: self.ranges(subject) for subject in self.subjects[: len(PRODUCTS)]}
+        for subject in self.subjects:
+            subject.judge_means()
         self.check_memory(figures)
 
     @staticmethod
