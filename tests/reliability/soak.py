@@ -35,7 +35,7 @@ PRODUCTS = ("generic402", "ismc", "pronet", "ismk", "generic402-ec", "jmc_ec", "
 SET_UP = {"jmc_ec": {0x607F: 160_000, 0x6080: 160_000, 0x60C5: 2_000_000, 0x60C6: 2_000_000}}
 # Margins of the figures, absolute and relative. Peaks may lie between two samples. A move ends at a poll of its master,
 # which comes every 5 ms, so equal moves may differ by one poll. Static friction holds the shaft of some moves beside the
-# target: of 7200 moves of a generic402, 22 ended 4 to 8 counts away, all others at most 3.
+# target: of 7200 moves of a generic402, 18 ended 4 to 8 counts away, all others at most 3.
 MARGINS = {
     "duration_s": (0.006, 0.0),
     "final_error_counts": (4.0, 0.0),
