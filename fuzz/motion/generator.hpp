@@ -5,8 +5,8 @@
 namespace servodrome::motion {
 
 // Draws one sequence: mostly sensible actions of masters in a sensible order, mixed with actions that no master should
-// do. An event gets the time `now_`, which advances from event to event. Steps are in generate.cpp, themes (groups of
-// related steps) in themes.cpp and themes_objects.cpp.
+// do. An event gets the time `now_`, which advances from event to event. Steps are in generate_steps.cpp,
+// generate_moves.cpp and generate_bench.cpp, themes (groups of related steps) in themes.cpp and themes_objects.cpp.
 class Generator {
  public:
   Generator(std::uint64_t seed, std::uint64_t number, const std::vector<Variant>& variants, Tree tree);
