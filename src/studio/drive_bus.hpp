@@ -116,9 +116,10 @@ struct Access {
   std::size_t drive = 0;
   master::ObjectAddress object{};
   bool writes = false;
-  bool urgent = false;             // comes before everything that waits
-  std::vector<std::byte> bytes{};  // data to write, or data read
-  bool size_is_known = true;       // of the data read: ObjectClient::size_is_known
+  bool urgent = false;                         // comes before everything that waits
+  std::vector<std::byte> bytes{};              // data to write, or data read
+  bool size_is_known = true;                   // of the data read: ObjectClient::size_is_known
+  std::optional<master::Time> longest_wait{};  // for an answer: ObjectClient::limit_wait
   std::exception_ptr error{};
   std::atomic<bool> done{false};      // bytes and error are valid
   std::atomic<bool> given_up{false};  // no caller waits for it any more: skip it

@@ -120,6 +120,8 @@ void DriveBus::carry_out(OpenBus& open, const std::shared_ptr<Access>& access) {
   master::ObjectClient& objects = *open.drives()[access->drive];
   bool aborted = false;
   const Asking asking(*this, access->drive, access->writes ? nullptr : &aborted);
+  std::optional<master::LimitedWait> limited;
+  if (access->longest_wait) limited.emplace(objects, *access->longest_wait);
   try {
     if (access->writes && is_pdo(access->object) && recorder_.has(access->drive)) {
       throw master::ObjectError("a recording has set up the PDOs of the drive", objects.where(),

@@ -7,17 +7,17 @@
 namespace servodrome::studio {
 
 void RecordedObjects::download(master::ObjectAddress object, std::span<const std::byte> data) {
-  if (api::ChangeLog::is_motion(object.index)) return objects_.download(object, data);
+  if (api::ChangeLog::is_motion(object.index)) return target().download(object, data);
   Bytes before;
   const bool cleans_up = std::uncaught_exceptions() != 0;
   try {
-    before = objects_.upload(object);
+    before = target().upload(object);
   } catch (const master::ObjectError& error) {
     if (!error.answered()) throw;  // the write would time out, too
   } catch (const Task::Ended&) {
     if (!cleans_up) throw;  // a caller that is being ended restores the value without waiting
   }
-  objects_.download(object, data);
+  target().download(object, data);
   record_(object, before, {data.begin(), data.end()});
 }
 

@@ -33,6 +33,7 @@ std::vector<std::byte> RemoteObjects::access(master::ObjectAddress object, bool 
   access->object = object;
   access->writes = writes;
   access->bytes = std::move(bytes);
+  access->longest_wait = longest_wait_;
   Wanted wanted(*access);
   bus_.submit(access);
   const bool cleans_up = std::uncaught_exceptions() != 0;

@@ -24,6 +24,7 @@ class RemoteObjects final : public master::ObjectClient {
   std::string where() const override { return name_; }
 
  private:
+  void set_wait_limit(std::optional<master::Time> longest) override { longest_wait_ = longest; }
   std::vector<std::byte> access(master::ObjectAddress object, bool writes, std::vector<std::byte> bytes);
 
   DriveBus& bus_;
@@ -32,6 +33,7 @@ class RemoteObjects final : public master::ObjectClient {
   Now now_;
   Drives::Wait wait_;
   bool size_is_known_ = true;  // of the last upload
+  std::optional<master::Time> longest_wait_{};
 };
 
 }  // namespace servodrome::studio

@@ -2,9 +2,9 @@
 #include <gmock/gmock.h>
 
 #include "axis/axis_rig.hpp"
-#include "axis/changed_drive.hpp"
 #include "axis/cia402_words.hpp"
 #include "drive/drive.hpp"
+#include "master/forwarded_objects.hpp"
 
 namespace servodrome::master::test {
 namespace enable_test {
@@ -136,19 +136,19 @@ TEST_P(Enabling, WhatStopsLeavesNoTarget) {
 }
 
 // The objects of a drive that opens its brake before it shows Operation enabled.
-class SlowBrake final : public ChangedDrive {
+class SlowBrake final : public ForwardedObjects {
  public:
-  using ChangedDrive::ChangedDrive;
+  using ForwardedObjects::ForwardedObjects;
 
   std::vector<std::byte> upload(ObjectAddress object) override {
-    std::vector<std::byte> bytes = ChangedDrive::upload(object);
+    std::vector<std::byte> bytes = ForwardedObjects::upload(object);
     constexpr std::byte operation_enabled_bit{0x04};
     if (object.index == 0x6041 && (bytes[0] & std::byte{0x08}) == std::byte{0}) bytes[0] &= ~operation_enabled_bit;
     return bytes;
   }
   void download(ObjectAddress object, std::span<const std::byte> data) override {
     is_commanded |= object.index == 0x6040 && (data[0] & std::byte{0x0F}) == std::byte{0x0F};
-    ChangedDrive::download(object, data);
+    ForwardedObjects::download(object, data);
   }
 
   bool is_commanded = false;
@@ -170,12 +170,12 @@ TEST_P(Enabling, ACommandThatIsCancelledOrFailsIsTakenBack) {
 }
 
 // Another client acts after the first write.
-class Beside final : public ChangedDrive {
+class Beside final : public ForwardedObjects {
  public:
-  Beside(ObjectClient& drive, std::function<void()> other) : ChangedDrive(drive), other_(std::move(other)) {}
+  Beside(ObjectClient& drive, std::function<void()> other) : ForwardedObjects(drive), other_(std::move(other)) {}
 
   void download(ObjectAddress object, std::span<const std::byte> data) override {
-    ChangedDrive::download(object, data);
+    ForwardedObjects::download(object, data);
     if (const auto act = std::exchange(other_, nullptr)) act();
   }
 
@@ -200,12 +200,12 @@ TEST(EnablingThatFails, BrakesAnAxisThatAnotherClientMovesByNow) {
 }
 
 // Bits of the statusword are wrong from some moment on.
-class WrongBits final : public ChangedDrive {
+class WrongBits final : public ForwardedObjects {
  public:
-  using ChangedDrive::ChangedDrive;
+  using ForwardedObjects::ForwardedObjects;
 
   std::vector<std::byte> upload(ObjectAddress object) override {
-    std::vector<std::byte> bytes = ChangedDrive::upload(object);
+    std::vector<std::byte> bytes = ForwardedObjects::upload(object);
     if (object.index == 0x6041) bytes[0] ^= wrong;
     return bytes;
   }
@@ -234,14 +234,14 @@ TEST(StoppingWithAWrongStatusword, BringsTheAxisToRest) {
 }
 
 // One write of the controlword gets no answer: the request or the answer is lost.
-class Lossy final : public ChangedDrive {
+class Lossy final : public ForwardedObjects {
  public:
   Lossy(ObjectClient& drive, std::uint16_t word, bool loses_request)
-      : ChangedDrive(drive), word_(word), loses_request_(loses_request) {}
+      : ForwardedObjects(drive), word_(word), loses_request_(loses_request) {}
 
   void download(ObjectAddress object, std::span<const std::byte> data) override {
     const bool is_lost = object.index == 0x6040 && data[0] == static_cast<std::byte>(word_) && ++writes == 1;
-    if (!is_lost || !loses_request_) ChangedDrive::download(object, data);
+    if (!is_lost || !loses_request_) ForwardedObjects::download(object, data);
     if (!is_lost) return;
     if (meanwhile) meanwhile();
     throw ObjectError("no answer", where(), "", false, false);
@@ -317,18 +317,19 @@ TEST(EnablingAfterAQuickStop, LastsUntilTheBrakeHasClosed) {
 }
 
 // A drive with one object that misbehaves.
-class Odd final : public ChangedDrive {
+class Odd final : public ForwardedObjects {
  public:
-  Odd(ObjectClient& drive, std::uint16_t index, bool refuses) : ChangedDrive(drive), index_(index), refuses_(refuses) {}
+  Odd(ObjectClient& drive, std::uint16_t index, bool refuses)
+      : ForwardedObjects(drive), index_(index), refuses_(refuses) {}
 
   std::vector<std::byte> upload(ObjectAddress object) override {
-    std::vector<std::byte> bytes = ChangedDrive::upload(object);
+    std::vector<std::byte> bytes = ForwardedObjects::upload(object);
     if (object.index == index_) std::fill(bytes.begin(), bytes.end(), std::byte{1});
     return bytes;
   }
   void download(ObjectAddress object, std::span<const std::byte> data) override {
     if (refuses_ && object.index == index_) throw ObjectError("the object is read-only", where(), "", false);
-    ChangedDrive::download(object, data);
+    ForwardedObjects::download(object, data);
   }
 
  private:

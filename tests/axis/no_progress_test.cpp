@@ -3,9 +3,9 @@
 #include <gmock/gmock.h>
 #include <random>
 
-#include "axis/changed_drive.hpp"
 #include "axis/cia402_words.hpp"
 #include "axis/quick_motions.hpp"
+#include "master/forwarded_objects.hpp"
 
 namespace servodrome::master::test {
 namespace no_progress_test {
@@ -15,12 +15,12 @@ using namespace quick_motions;
 using testing::HasSubstr;
 
 // A drive that shows another statusword or position than it has.
-class Shown final : public ChangedDrive {
+class Shown final : public ForwardedObjects {
  public:
-  using ChangedDrive::ChangedDrive;
+  using ForwardedObjects::ForwardedObjects;
 
   std::vector<std::byte> upload(ObjectAddress object) override {
-    std::vector<std::byte> bytes = ChangedDrive::upload(object);
+    std::vector<std::byte> bytes = ForwardedObjects::upload(object);
     if (object.index == 0x6041) {
       std::uint16_t word = 0;
       std::memcpy(&word, bytes.data(), sizeof word);

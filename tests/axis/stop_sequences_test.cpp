@@ -6,6 +6,7 @@
 #include "axis/axis_rig.hpp"
 #include "axis/cia402_words.hpp"
 #include "drive/drive.hpp"
+#include "master/forwarded_objects.hpp"
 
 namespace servodrome::master::test {
 namespace stop_sequences_test {
@@ -15,26 +16,19 @@ constexpr double slow_ramp = 2.0;  // revolutions per second squared
 constexpr double run_speed = 3.0;  // revolutions per second; below the factory limit of each product
 
 // The objects of a drive, without answers to reads or with a statusword that keeps its value.
-struct Faulty final : ObjectClient {
-  explicit Faulty(ObjectClient& drive) : its(drive) {}
+struct Faulty final : ForwardedObjects {
+  using ForwardedObjects::ForwardedObjects;
   std::vector<std::byte> upload(ObjectAddress object) override {
     if (is_silent) {
-      its.wait(20ms);
+      wait(20ms);
       throw ObjectError("no answer", "test", "", false, false);
     }
-    auto value = its.upload(object);
+    auto value = ForwardedObjects::upload(object);
     if (object.index != 0x6041) return value;
     if (!keeps_statusword) kept = value;
     return kept;
   }
-  void download(ObjectAddress object, std::span<const std::byte> data) override { its.download(object, data); }
-  bool size_is_known() const override { return its.size_is_known(); }
-  Time now() const override { return its.now(); }
-  void wait(Time span) override { its.wait(span); }
-  std::uint16_t address() const override { return its.address(); }
-  std::string where() const override { return its.where(); }
 
-  ObjectClient& its;
   bool is_silent = false;
   bool keeps_statusword = false;
   std::vector<std::byte> kept{};

@@ -1,7 +1,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
-#include "master/serial10/client.hpp"
+#include "master/serial10/objects.hpp"
 #include "master/serial_master_line.hpp"
 
 namespace servodrome::master::test {
@@ -49,6 +49,20 @@ TEST_F(Serial10ClientTest, Errors) {
     EXPECT_FALSE(error.from_drive());
   }
   EXPECT_EQ(master.read<std::uint16_t>(5, 0x6040), 6);
+}
+
+TEST_F(Serial10ClientTest, ALimitOfTheWait) {
+  Serial10Objects silent(master, 6);
+  const auto seconds = [&](const auto& access) {
+    const Time before = line.now();
+    EXPECT_THROW(access(), ObjectError);
+    return std::chrono::duration<double>(line.now() - before).count();
+  };
+  const auto read = [&] { silent.read<std::uint16_t>(0x6041); };
+  EXPECT_NEAR(seconds(read), 1.060, 0.005) << "twice 500 ms, and a pause";
+  const LimitedWait limited(silent, 20ms);
+  EXPECT_NEAR(seconds(read), 0.021, 0.001);
+  EXPECT_NEAR(seconds([&] { silent.write<std::uint16_t>(0x6040, 0, 6); }), 0.021, 0.001);
 }
 
 TEST(Serial10Client, AnswersThatDoNotFit) {

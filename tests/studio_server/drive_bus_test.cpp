@@ -32,6 +32,7 @@ struct Script {
   std::vector<std::string> writes;  // "1 6040=2": drive, object, value; also those without an answer
   std::condition_variable changed;
   std::vector<std::string> reads;    // "1 6041", also those without an answer
+  std::vector<std::string> limited;  // "1 1008 10 ms": reads and writes with a limited wait
   bool is_held = false;              // accesses wait
   std::uint16_t held_index = 0;      // only accesses to this object wait; 0: all
   bool is_waiting = false;           // an access waits
@@ -56,6 +57,7 @@ class ScriptedObjects final : public master::ObjectClient {
   std::vector<std::byte> upload(master::ObjectAddress object) override {
     std::unique_lock lock(script_.mutex);
     script_.reads.push_back(fmt::format("{} {:04X}", drive_, object.index));
+    note_limit(object.index);
     answer(lock, object.index);
     std::uint32_t value = 0;
     if (object.index == 0x6041) value = state().statusword;
@@ -71,6 +73,7 @@ class ScriptedObjects final : public master::ObjectClient {
     std::memcpy(&value, data.data(), std::min(data.size(), sizeof value));
     std::unique_lock lock(script_.mutex);
     script_.writes.push_back(fmt::format("{} {:04X}={:X}", drive_, object.index, value));
+    note_limit(object.index);
     if (object.index == 0x6040 && std::exchange(state().loses_link, false)) {
       throw master::MasterError("the link is lost", "test", "");
     }
@@ -85,6 +88,10 @@ class ScriptedObjects final : public master::ObjectClient {
   std::string where() const override { return "test"; }
 
  private:
+  void set_wait_limit(std::optional<master::Time> longest) override { limit_ = longest; }
+  void note_limit(std::uint16_t index) {
+    if (limit_) script_.limited.push_back(fmt::format("{} {:04X} {} ms", drive_, index, *limit_ / 1ms));
+  }
   Script::Drive& state() { return script_.drives[drive_]; }
   void answer(std::unique_lock<std::mutex>& lock, std::uint16_t index) {
     if (script_.held_index == 0 || script_.held_index == index) {
@@ -115,6 +122,7 @@ class ScriptedObjects final : public master::ObjectClient {
 
   Script& script_;
   std::size_t drive_;
+  std::optional<master::Time> limit_{};
 };
 
 class ScriptedBus final : public OpenBus {
@@ -220,6 +228,22 @@ TEST_F(DriveBusTest, AStopReachesADriveThatHasJustBeenEnabled) {
     drives_->stop_all();
     ASSERT_EQ(count("0 6040=2"), before + 1);
   }
+}
+
+TEST_F(DriveBusTest, ALimitOfTheWaitReachesTheBusAndEndsWithTheAccess) {
+  open(2);
+  const auto drive = objects("b");
+  {
+    const master::LimitedWait limited(*drive, 10ms);
+    drive->read<std::uint32_t>(0x1000);
+    drive->write<std::uint32_t>(0x6081, 0, 5);
+    drive->write<std::uint32_t>(0x1010, 1, 0x65766173);
+    objects("b")->read<std::uint32_t>(0x1001);
+  }
+  drive->read<std::uint32_t>(0x1002);
+  const std::lock_guard lock(script_.mutex);
+  // The value before the write is read for the list of changes.
+  EXPECT_THAT(script_.limited, ElementsAre("1 1000 10 ms", "1 6081 10 ms", "1 6081 10 ms", "1 1010 10 ms"));
 }
 
 TEST_F(DriveBusTest, AStopReachesADriveThatWaitsForItsBrake) {

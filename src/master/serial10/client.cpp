@@ -54,7 +54,7 @@ Frame Serial10Client::request(std::uint8_t id, Command command, std::uint16_t in
   const Frame frame = Frame::make(id, command, index, sub, data);
   std::optional<Frame> answer;
   try {
-    for (unsigned attempt = 0; attempt <= retries && !answer; ++attempt) {
+    for (unsigned attempt = 0; attempt <= limit_.retries(retries) && !answer; ++attempt) {
       if (attempt > 0) client_->wait(recovery_time);
       answer = exchange(frame);
     }
@@ -72,7 +72,8 @@ std::optional<Frame> Serial10Client::exchange(const Frame& request) {
   std::vector<std::uint8_t> received;
   while (client_->receive(received, Time{0})) received.clear();
   client_->send(request.bytes);
-  const Time deadline = client_->now() + options_.format.character_time() * serial10::frame_bytes + options_.timeout;
+  const Time deadline =
+      client_->now() + options_.format.character_time() * serial10::frame_bytes + limit_.timeout(options_.timeout);
   received.clear();
   while (received.size() < serial10::frame_bytes) {
     const Time left = deadline - client_->now();

@@ -9,6 +9,7 @@
 #include "dictionary/abort_code.hpp"
 #include "links/heard_clients.hpp"
 #include "master/object_client.hpp"
+#include "master/wait_limit.hpp"
 #include "serial10/frame.hpp"
 
 namespace servodrome::master {
@@ -53,6 +54,9 @@ class Serial10Client {
   std::vector<std::byte> upload(std::uint8_t id, ObjectAddress object);
   void download(std::uint8_t id, ObjectAddress object, std::span<const std::byte> data);
 
+  // As ObjectClient::limit_wait(), for all drives.
+  void limit_wait(std::optional<Time> longest) { limit_.set(longest); }
+
   // Time on the link's clock.
   Time now() const { return client_->now(); }
   void wait(Time span) { client_->wait(span); }
@@ -77,6 +81,7 @@ class Serial10Client {
   std::unique_ptr<links::ByteClient> client_;
   std::string name_;
   Serial10Options options_;
+  WaitLimit limit_{};
 };
 
 }  // namespace servodrome::master

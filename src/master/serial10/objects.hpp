@@ -19,6 +19,8 @@ class Serial10Objects final : public ObjectClient {
   std::string where() const override { return client_.where(id_); }
 
  private:
+  void set_wait_limit(std::optional<Time> longest) override { client_.limit_wait(longest); }
+
   Serial10Client& client_;
   std::uint8_t id_;
 };

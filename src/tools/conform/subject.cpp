@@ -27,12 +27,10 @@ bool is_configuration(std::uint16_t index) {
 
 // ---- KeptObjects ----
 
-std::vector<std::byte> KeptObjects::upload(ObjectAddress object) { return target_->upload(object); }
-
 void KeptObjects::keep(ObjectAddress object) {
   if (object.index == controlword_index || kept_.contains(object)) return;
   try {
-    before_.emplace_back(object, target_->upload(object));
+    before_.emplace_back(object, target().upload(object));
     kept_.insert(object);
   } catch (const ObjectError& error) {
     // Absent or write-only: there is nothing to restore.
@@ -42,12 +40,12 @@ void KeptObjects::keep(ObjectAddress object) {
 
 void KeptObjects::download(ObjectAddress object, std::span<const std::byte> data) {
   keep(object);
-  target_->download(object, data);
+  target().download(object, data);
 }
 
 void KeptObjects::wait(Time span) {
   if (!ignores_cancellation_ && cancelled_ && cancelled_()) throw Cancelled{};
-  target_->wait(span);
+  target().wait(span);
 }
 
 std::vector<ObjectAddress> KeptObjects::put_back(const std::function<bool()>& answers) {
@@ -56,7 +54,7 @@ std::vector<ObjectAddress> KeptObjects::put_back(const std::function<bool()>& an
     const auto is_restored = [this] {
       const auto& [object, value] = before_.back();
       try {
-        if (target_->upload(object) != value) target_->download(object, value);
+        if (target().upload(object) != value) target().download(object, value);
       } catch (const MasterError&) {
         return false;
       }
@@ -75,7 +73,7 @@ std::vector<ObjectAddress> KeptObjects::put_back(const std::function<bool()>& an
 Subject::Subject(const CanAccess& access, const SubjectSettings& settings)
     : kind_(buses::can), settings_(settings), can_(access), kept_(settings.cancelled) {
   master_.emplace(access.bus);
-  kept_.set_target(&access.sdo);
+  kept_.set_target(access.sdo);
   remember();
 }
 
@@ -83,13 +81,13 @@ Subject::Subject(const EthercatAccess& access, const SubjectSettings& settings)
     : kind_(buses::ethercat), settings_(settings), ethercat_(access), kept_(settings.cancelled) {
   al_state_ = access.slave.status().state();
   by_service_ = std::make_unique<CoeObjects>(access.slave);
-  kept_.set_target(by_service_.get());
+  kept_.set_target(*by_service_);
 }
 
 Subject::Subject(const ModbusAccess& access, const SubjectSettings& settings)
     : kind_(buses::modbus), settings_(settings), modbus_(access), kept_(settings.cancelled) {
   by_service_ = std::make_unique<ModbusObjects>(access.client, access.unit, access.list);
-  kept_.set_target(by_service_.get());
+  kept_.set_target(*by_service_);
 }
 
 std::string Subject::where() const { return kept_.where(); }
@@ -105,7 +103,7 @@ KeptObjects& Subject::objects() {
     EthercatSlave* const slaves[] = {&ethercat_->slave};
     operation_.emplace(ethercat_->master, ethercat_->line, slaves, ethercat_->options);
     by_process_data_ = std::make_unique<CoeObjects>(ethercat_->slave, operation_->exchange(), 0);
-    kept_.set_target(by_process_data_.get());
+    kept_.set_target(*by_process_data_);
   }
   return kept_;
 }
@@ -118,7 +116,7 @@ bool Subject::lost_operation() const {
 
 void Subject::leave_operation() {
   if (!ethercat_ || !operation_) return;
-  kept_.set_target(by_service_.get());
+  kept_.set_target(*by_service_);
   by_process_data_.reset();
   operation_.reset();
 }

@@ -15,6 +15,7 @@
 #include "master/canopen/master.hpp"
 #include "master/canopen/sdo_client.hpp"
 #include "master/ethercat/coe_objects.hpp"
+#include "master/forwarded_objects.hpp"
 #include "master/modbus/objects.hpp"
 #include "master/restored.hpp"
 #include "tools/conform/check.hpp"
@@ -65,24 +66,17 @@ struct PositionRange {
 struct Cancelled {};
 
 // Access to the drive's objects that restores them afterwards: it remembers the value before the first write.
-class KeptObjects final : public ObjectClient {
+class KeptObjects final : public ForwardedObjects {
  public:
   explicit KeptObjects(std::function<bool()> cancelled) : cancelled_(std::move(cancelled)) {}
 
-  // All accesses go to `target` from now on.
-  void set_target(ObjectClient* target) { target_ = target; }
+  using ForwardedObjects::set_target;
   void ignore_cancellation() { ignores_cancellation_ = true; }
   // Cancellation has no effect as long as the returned object exists.
   [[nodiscard]] Restored<bool> without_cancellation() { return {ignores_cancellation_, true}; }
 
-  std::vector<std::byte> upload(ObjectAddress object) override;
   void download(ObjectAddress object, std::span<const std::byte> data) override;
-  bool size_is_known() const override { return target_->size_is_known(); }
-  Time now() const override { return target_->now(); }
   void wait(Time span) override;
-  std::uint16_t address() const override { return target_->address(); }
-  std::string where() const override { return target_->where(); }
-  std::optional<Emergency> latest_emergency() override { return target_->latest_emergency(); }
 
   // Remembers the value of an object that the check will write by raw frames instead of this client. Throws ObjectError
   // if the drive does not answer, because the object could not be restored.
@@ -94,7 +88,6 @@ class KeptObjects final : public ObjectClient {
   std::size_t remembered() const { return before_.size(); }
 
  private:
-  ObjectClient* target_ = nullptr;
   std::function<bool()> cancelled_;
   bool ignores_cancellation_ = false;
   std::vector<std::pair<ObjectAddress, std::vector<std::byte>>> before_;

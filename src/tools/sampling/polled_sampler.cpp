@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <exception>
 
+#include "master/forwarded_objects.hpp"
 #include "tools/sampling/process_data_sampler.hpp"
 
 namespace servodrome::master::sampling {
@@ -44,32 +45,26 @@ class PolledSampler final : public Sampler {
   };
 
   // The drive's objects for the caller; takes samples after accesses and during waits.
-  class Objects final : public ObjectClient {
+  class Objects final : public ForwardedObjects {
    public:
-    explicit Objects(PolledSampler& sampler) : sampler_(sampler) {}
+    explicit Objects(PolledSampler& sampler) : ForwardedObjects(sampler.drive_), sampler_(sampler) {}
     std::vector<std::byte> upload(ObjectAddress object) override {
-      std::vector<std::byte> bytes = drive().upload(object);
+      std::vector<std::byte> bytes = target().upload(object);
       sampler_.poll_if_due();
       return bytes;
     }
     void download(ObjectAddress object, std::span<const std::byte> data) override {
-      drive().download(object, data);
+      target().download(object, data);
       sampler_.poll_if_due();
     }
-    bool size_is_known() const override { return drive().size_is_known(); }
-    Time now() const override { return drive().now(); }
     void wait(Time span) override {
       const Time end = now() + span;
       do {
-        if (!sampler_.poll_if_due()) drive().wait(std::max(Time{0}, std::min(end, sampler_.next_due()) - now()));
+        if (!sampler_.poll_if_due()) target().wait(std::max(Time{0}, std::min(end, sampler_.next_due()) - now()));
       } while (now() < end);
     }
-    std::uint16_t address() const override { return drive().address(); }
-    std::string where() const override { return drive().where(); }
-    std::optional<Emergency> latest_emergency() override { return drive().latest_emergency(); }
 
    private:
-    ObjectClient& drive() const { return sampler_.drive_; }
     PolledSampler& sampler_;
   };
 

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "axis/axis_rig.hpp"
-#include "axis/changed_drive.hpp"
+#include "master/forwarded_objects.hpp"
 #include "tools/sampling/sampler_recorder.hpp"
 
 namespace servodrome::master::sampling {
@@ -12,8 +12,8 @@ namespace sampler_test {
 namespace {
 
 using namespace std::chrono_literals;
+using master::ForwardedObjects;
 using master::test::AxisRig;
-using master::test::ChangedDrive;
 using master::test::problem_of;
 using master::test::RigCase;
 using testing::HasSubstr;
@@ -246,12 +246,12 @@ TEST_P(Sampling, ReadsObjectsWhenItIsToldTo) {
 }
 
 // Refuses 6077h from a given moment.
-class Refusing final : public ChangedDrive {
+class Refusing final : public ForwardedObjects {
  public:
-  using ChangedDrive::ChangedDrive;
+  using ForwardedObjects::ForwardedObjects;
   std::vector<std::byte> upload(ObjectAddress object) override {
     if (refuses && object == ObjectAddress{0x6077, 0}) throw ObjectError("it is busy", where(), "ask later", false);
-    return ChangedDrive::upload(object);
+    return ForwardedObjects::upload(object);
   }
 
   bool refuses = false;
