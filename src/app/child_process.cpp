@@ -1,11 +1,13 @@
 #include "app/child_process.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <spawn.h>
+#include <string_view>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -37,7 +39,14 @@ ChildProcess::ChildProcess(const std::vector<std::string>& command,
   std::vector<std::string> arguments = command;
   std::vector<std::string> variables;
   for (const auto& [name, value] : environment) variables.push_back(fmt::format("{}={}", name, value));
-  for (char** variable = environ; *variable != nullptr; ++variable) variables.emplace_back(*variable);
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    // A shell takes the last one of two variables with the same name.
+    const std::string_view text = *variable;
+    const std::string_view name = text.substr(0, text.find('='));
+    const bool is_given =
+        std::any_of(environment.begin(), environment.end(), [name](const auto& one) { return one.first == name; });
+    if (!is_given) variables.emplace_back(text);
+  }
 
   posix_spawn_file_actions_t files;
   ::posix_spawn_file_actions_init(&files);

@@ -12,8 +12,8 @@ namespace servodrome::app {
 // A program that this one starts, with all programs that it starts in turn. The destructor kills them.
 class ChildProcess {
  public:
-  // `environment` is added to that of this process. Standard output and standard error go to the file `output`.
-  // Throws Failure if the program cannot be started.
+  // `environment` is added to that of this process, and replaces variables of the same name. Standard output and
+  // standard error go to the file `output`. Throws Failure if the program cannot be started.
   ChildProcess(const std::vector<std::string>& command,
                const std::vector<std::pair<std::string, std::string>>& environment,
                const std::filesystem::path& output);

@@ -28,7 +28,7 @@ constexpr auto time_to_terminate = std::chrono::seconds(2);
 // A trial is an error if it takes this many times its longest time, and `least_limit` more.
 constexpr int slowest = 10;
 constexpr auto least_limit = std::chrono::seconds(60);
-constexpr std::size_t most_output = 4000;
+constexpr std::streamoff most_output = 4000;
 
 // The names under which the master finds the line.
 struct Places {
@@ -128,10 +128,18 @@ std::vector<std::pair<std::string, std::string>> environment_of(const Places& pl
 }
 
 std::string end_of_file(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  if (text.size() > most_output) text = "...\n" + text.substr(text.size() - most_output);
-  return text;
+  std::ifstream file(path, std::ios::binary | std::ios::ate);
+  const std::streamoff size = file.tellg();
+  if (size <= 0) return {};
+  const auto length = std::min<std::streamoff>(size, most_output);
+  std::string text(static_cast<std::size_t>(length), '\0');
+  file.seekg(size - length);
+  file.read(text.data(), length);
+  if (length == size) return text;
+  std::size_t begin = 0;
+  while (begin < text.size() && (static_cast<unsigned char>(text[begin]) & 0xC0U) == 0x80U)
+    ++begin;  // a whole character
+  return "...\n" + text.substr(begin);
 }
 
 // The name of the file with the traffic of a bus: "canopen-boot-up-late.can0.log".
@@ -172,7 +180,10 @@ class Supervisor {
   void look() {
     const links::Time now = server_.line().now();
     const links::Time duration = result_.scenario.duration;
-    if (InterruptGuard::interrupted()) return server_.stop();
+    if (InterruptGuard::interrupted()) {
+      result_.interrupted = true;
+      return server_.stop();
+    }
     if (Clock::now() >= begun_ + slowest * (duration + time_to_terminate + after_) + least_limit) {
       result_.reason = fmt::format("the machine is too busy: the line has run for {:.1f} s in {:.0f} s",
                                    std::chrono::duration<double>(now).count(),
@@ -233,6 +244,10 @@ void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings
     const Supervisor supervisor(server, director, master, result, trial.after);
     server.run();
   }
+  if (result.interrupted) {
+    result.reason = "interrupted";
+    return;
+  }
   director.finish();
   result.master_output = end_of_file(output);
   const std::string reason = result.reason;
@@ -245,27 +260,51 @@ void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings
 
 }  // namespace
 
-scenario::TrialResult run_trial(const TrialRun& trial, const std::string& scenario_path) {
-  TrialResult result;
+namespace {
+
+// Loads the scenario and its line, and tries both. The result has a reason if one of them has an error.
+line::LineSettings load(const std::string& scenario_path, TrialResult& result) {
   result.path = scenario_path;
+  scenario::ScenarioFile file = scenario::load_scenario(scenario_path);
+  result.scenario = std::move(file.scenario);
+  if (!file.diagnostics.empty()) {
+    result.reason = to_string(file.diagnostics.front());
+    return {};
+  }
+  for (const scenario::Expectation& expectation : result.scenario.expectations) {
+    if (expectation.within.value_or(links::Time{}) <= result.scenario.duration) continue;
+    result.reason =
+        fmt::format("{}: {}: within_ms is longer than `duration_s`, so it is never judged; give a shorter time",
+                    scenario_path, expectation.name);
+    return {};
+  }
+  const line::LineFile line = line::load_line_file(result.scenario.line, line::all_products());
+  if (!line.diagnostics.empty()) {
+    result.reason = to_string(line.diagnostics.front());
+  } else if (const auto problems = scenario::rehearse(line.settings, result.scenario); !problems.empty()) {
+    result.reason = fmt::format("{}: {}", scenario_path, problems.front());
+  }
+  return line.settings;
+}
+
+}  // namespace
+
+TrialResult check_trial(const std::string& scenario_path) {
+  TrialResult result;
+  try {
+    load(scenario_path, result);
+  } catch (const std::exception& error) {
+    result.reason = fmt::format("{}: {}", scenario_path, error.what());
+  }
+  return result;
+}
+
+TrialResult run_trial(const TrialRun& trial, const std::string& scenario_path) {
+  TrialResult result;
   try {
     std::filesystem::create_directories(trial.folder);
-    scenario::ScenarioFile file = scenario::load_scenario(scenario_path);
-    result.scenario = std::move(file.scenario);
-    if (!file.diagnostics.empty()) {
-      result.reason = to_string(file.diagnostics.front());
-      return result;
-    }
-    const line::LineFile line = line::load_line_file(result.scenario.line, line::all_products());
-    if (!line.diagnostics.empty()) {
-      result.reason = to_string(line.diagnostics.front());
-      return result;
-    }
-    if (const auto problems = scenario::rehearse(line.settings, result.scenario); !problems.empty()) {
-      result.reason = fmt::format("{}: {}", scenario_path, problems.front());
-      return result;
-    }
-    run(trial, result, line.settings);
+    const line::LineSettings settings = load(scenario_path, result);
+    if (result.reason.empty()) run(trial, result, settings);
   } catch (const std::exception& error) {
     result.outcome = TrialResult::Outcome::error;
     result.reason = error.what();

@@ -19,6 +19,9 @@ struct TrialRun {
   links::Time after = std::chrono::seconds(3);  // time for which the line runs on after the master has ended
 };
 
+// Loads the scenario and tries it on its line, which does not run. If the scenario has an error, the result has a
+// reason.
+scenario::TrialResult check_trial(const std::string& scenario_path);
 // Returns the outcome; does not throw for a scenario that cannot be run.
 scenario::TrialResult run_trial(const TrialRun& run, const std::string& scenario_path);
 

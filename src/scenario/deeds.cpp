@@ -22,6 +22,12 @@ bool needs_slave(const Action& action) {
          std::holds_alternative<WatchdogOff>(action);
 }
 
+bool needs_axis(const Action& action) {
+  return object_of(action) != nullptr || needs_slave(action) || std::holds_alternative<Request>(action) ||
+         std::holds_alternative<Switch>(action) || std::holds_alternative<Emergency>(action) ||
+         std::holds_alternative<ForceErrorState>(action);
+}
+
 // Returns why the number of the action cannot be the value, or bits of the value, of the object; "": it can.
 std::string misfit(const Action& action, const dictionary::Entry& entry) {
   using How = Show::How;
@@ -118,8 +124,7 @@ void Director::check(const RuleRun& run) const {
     const bool known = line_.find_bus(rule.bus) != nullptr || line_.find_ethercat_bus(rule.bus) != nullptr ||
                        line_.find_serial_bus(rule.bus) != nullptr;
     if (!known) refuse(fmt::format("there is no bus \"{}\"", rule.bus), "name a bus of the line");
-    if (object_of(rule.action) != nullptr || std::holds_alternative<Request>(rule.action) ||
-        std::holds_alternative<Switch>(rule.action) || std::holds_alternative<Emergency>(rule.action)) {
+    if (needs_axis(rule.action)) {
       refuse("the action needs an axis", "write axis = \"NAME\" in place of `bus`");
     }
     return;

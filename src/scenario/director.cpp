@@ -72,6 +72,29 @@ line::Axis* Director::axis_for(const std::string& name, const std::string& where
   return axis_named(name, where);
 }
 
+// The object of a condition must be a whole number that the drive has, and `mask` and `value` must fit into it.
+void Director::check_object(const Condition& condition, line::Axis* axis, const std::string& where) {
+  if (!condition.object || axis == nullptr) return;
+  const std::uint8_t sub = condition.object->sub.value_or(0);
+  const std::string object = fmt::format("{:04X}h:{:02X}", condition.object->index, sub);
+  const dictionary::Entry* entry = axis->device().dictionary().find(condition.object->index, sub);
+  if (entry == nullptr) {
+    throw ScenarioError(fmt::format("the drive has no object {}", object), where,
+                        "`servodrome export` writes a list of its objects");
+  }
+  if (!entry->fixed_size() || entry->type == dictionary::Type::real32) {
+    throw ScenarioError(fmt::format("{} is not a whole number", object), where, "name another object");
+  }
+  const std::int64_t lowest = dictionary::minimum_of(entry->type);
+  std::int64_t highest = dictionary::maximum_of(entry->type);
+  if (dictionary::size_of(entry->type) < sizeof highest) highest -= lowest;  // the sign is a bit
+  const bool fits = condition.value >= lowest && condition.value <= highest;
+  if (fits && (condition.mask == -1 || (condition.mask >= lowest && condition.mask <= highest))) return;
+  throw ScenarioError(fmt::format("{} does not fit into {}, {} .. {}", fits ? condition.mask : condition.value, object,
+                                  lowest, highest),
+                      where, fits ? "correct `mask`" : "correct `value`");
+}
+
 std::unique_ptr<RuleRun> Director::run_of(const Rule& rule, std::size_t number) const {
   const bool about_bus = !rule.bus.empty();
   const bool needed = !about_bus || needs_axis(rule.when) || (rule.until && needs_axis(*rule.until));
@@ -80,6 +103,8 @@ std::unique_ptr<RuleRun> Director::run_of(const Rule& rule, std::size_t number) 
   auto run =
       std::make_unique<RuleRun>(rule, about_bus ? nullptr : axis_for(rule.axis, rule.name, !named), axis, number);
   check(*run);
+  check_object(rule.when, axis, rule.name);
+  check_object(rule.until.value_or(Condition{}), axis, rule.name);
   return run;
 }
 
@@ -150,8 +175,10 @@ RuleRun* Director::run(std::size_t number) const {
 
 void Director::set_up(const Expectation& expectation) {
   const auto axis = [&](const Condition& condition) {
-    return axis_for(condition.axis.empty() ? expectation.axis : condition.axis, expectation.name,
-                    needs_axis(condition));
+    line::Axis* its =
+        axis_for(condition.axis.empty() ? expectation.axis : condition.axis, expectation.name, needs_axis(condition));
+    check_object(condition, its, expectation.name);
+    return its;
   };
   expectations_.emplace_back(expectation, axis(expectation.when), axis(expectation.what),
                              axis(expectation.until.value_or(Condition{})));

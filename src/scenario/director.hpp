@@ -135,6 +135,7 @@ class Director final : public line::Follower {
   line::Axis* axis_named(const std::string& name, const std::string& where) const;
   // The axis of a rule or an expectation, or nullptr if its conditions need none.
   line::Axis* axis_for(const std::string& name, const std::string& where, bool needed) const;
+  static void check_object(const Condition& condition, line::Axis* axis, const std::string& where);
   std::unique_ptr<RuleRun> run_of(const Rule& rule, std::size_t number) const;
   void set_up(const Rule& rule);
   // Adds a rule about objects to the ObjectView of its drive, through which the bus accesses the objects.

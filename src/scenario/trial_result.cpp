@@ -3,10 +3,25 @@
 #include <algorithm>
 #include <array>
 #include <fmt/format.h>
+#include <utility>
 
 #include "scenario/standard.hpp"
 
 namespace servodrome::scenario {
+namespace {
+
+// The signal by which a program crashes, if the exit status (128 + signal, as that of a shell) tells of one; nullptr:
+// it does not. A master may end itself with the signals that ask a program to end, such as SIGTERM.
+const char* crash_of(int exit_status) {
+  constexpr std::array<std::pair<int, const char*>, 7> crashes{
+      {{4, "SIGILL"}, {5, "SIGTRAP"}, {6, "SIGABRT"}, {7, "SIGBUS"}, {8, "SIGFPE"}, {9, "SIGKILL"}, {11, "SIGSEGV"}}};
+  for (const auto& [signal, name] : crashes) {
+    if (exit_status == 128 + signal) return name;
+  }
+  return nullptr;
+}
+
+}  // namespace
 
 std::string_view word_of(TrialResult::Outcome outcome) {
   constexpr std::array<std::string_view, 4> words{"passed", "failed", "not reached", "error"};
@@ -30,6 +45,9 @@ void judge(TrialResult& result) {
     if (result.was_ended) {
       verdict.found =
           fmt::format("the trial ended it after {} s", std::chrono::duration<double>(result.scenario.duration).count());
+    } else if (const char* signal = crash_of(result.exit_status)) {
+      verdict.outcome = Outcome::failed;
+      verdict.found = fmt::format("{} ended it (status {})", signal, result.exit_status);
     }
   }
   const bool failed = std::any_of(result.verdicts.begin(), result.verdicts.end(),
@@ -43,12 +61,16 @@ void judge(TrialResult& result) {
   const bool acted =
       std::any_of(result.rules.begin(), result.rules.end(), [](const auto& rule) { return rule.acts > 0; });
   const bool succeeded = !result.was_ended && result.exit_status == 0;
-  if (!failed && !acted && !result.rules.empty()) {
+  if (!failed && (result.was_silent || (!acted && !result.rules.empty()))) {
     const bool broke_down = !result.was_ended && !succeeded;
     result.outcome = broke_down ? Result::failed : Result::not_reached;
-    result.reason = broke_down
-                        ? fmt::format("the master ended with status {} before any rule acted", result.exit_status)
-                        : "no rule has acted: the master did not do what the scenario waits for";
+    if (broke_down) {
+      result.reason = fmt::format("the master ended with status {} before {}", result.exit_status,
+                                  result.was_silent ? "it sent anything" : "any rule acted");
+    } else {
+      result.reason = result.was_silent ? "the master sent nothing on the bus"
+                                        : "no rule has acted: the master did not do what the scenario waits for";
+    }
     return;
   }
   result.outcome = failed ? Result::failed : is_watched ? Result::passed : Result::not_reached;

@@ -11,8 +11,8 @@ namespace servodrome::scenario {
 
 // The outcome of one scenario with one master.
 struct TrialResult {
-  // `error`: the scenario could not be run. `not_reached`: no rule acted, or the trial ended before a standard
-  // expectation was watched; and no expectation failed, and the master did not end with an error.
+  // `error`: the scenario could not be run. `not_reached`: no rule acted, the master sent nothing, or the trial ended
+  // before a standard expectation was watched; and no expectation failed, and the master did not end with an error.
   enum class Outcome : std::uint8_t { passed, failed, not_reached, error };
 
   std::string path;  // of the scenario file
@@ -23,6 +23,8 @@ struct TrialResult {
   std::vector<RuleReport> rules;
   int exit_status = 0;
   bool was_ended = false;     // the trial ended the master, because its time was over
+  bool was_silent = false;    // the master sent nothing on a bus, although it could
+  bool interrupted = false;   // the user ended the trial: it has no outcome
   Time master_end{};          // line time at which the master ended
   Time duration{};            // line time
   std::string master_output;  // its last lines

@@ -72,6 +72,15 @@ std::string TrafficView::sender_of(const line::TrafficFrame& frame) const {
   return sender.empty() ? "master" : sender;
 }
 
+bool TrafficView::has_heard_master() const {
+  if (ring_.oldest() > 1) return true;
+  line::TrafficRing::Cursor cursor = ring_.begin();
+  while (const auto frame = ring_.next(cursor)) {
+    if (frame->kind != line::TrafficKind::can_error && sender_of(*frame) == "master") return true;
+  }
+  return false;
+}
+
 void TrafficView::add(const line::TrafficFrame& frame, master::Decoded decoded) {
   rows_.push_back({frame.number, sender_of(frame), std::move(decoded)});
   if (rows_.size() <= most_rows) return;

@@ -43,6 +43,8 @@ class TrafficView {
   std::optional<line::Time> next_time() const;
   // A frame that did not pass on this CAN bus, decoded as if it passed now.
   master::Decoded decoded_aside(const canopen::Frame& frame, line::Time at) const;
+  // True if the ring has a frame of a master, or is full.
+  bool has_heard_master() const;
   // Number of decoded frames; the next frame has the number decoded() + 1.
   std::uint64_t decoded() const { return cursor_.number - 1; }
   const std::deque<TrafficRow>& rows() const { return rows_; }

@@ -138,12 +138,24 @@ std::string TrialRecord::picture() const {
   return scope::svg_of(recording) + state_strips_of(line_, shafts_);
 }
 
+// A master that gets no connection cannot send anything.
+bool TrialRecord::was_silent(const TrialResult& result) {
+  for (const auto& view : buses_) {
+    view->flush();
+    if (view->has_heard_master()) return false;
+  }
+  const auto& rules = result.scenario.rules;
+  return std::none_of(rules.begin(), rules.end(),
+                      [](const auto& rule) { return std::holds_alternative<scenario::Accept>(rule.action); });
+}
+
 void TrialRecord::complete(TrialResult& result, const scenario::Director& director) {
   result.verdicts = director.verdicts();
   result.rules = director.rules();
   result.duration = line_.now();
   result.master_end = director.master_end().value_or(line_.now());
   result.picture = picture();
+  result.was_silent = was_silent(result);
   scenario::judge(result);
   const std::vector<scenario::Moment> moments = moments_of(result);
   const std::vector<scenario::ActRecord> acts = director.acts();

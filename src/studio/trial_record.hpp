@@ -25,6 +25,7 @@ class TrialRecord {
   static constexpr std::size_t ring_bytes = std::size_t{16} << 20U;
 
   std::string picture() const;
+  bool was_silent(const scenario::TrialResult& result);
 
   line::Line& line_;
   scenario::ShaftLog shafts_;

@@ -73,6 +73,40 @@ TEST(ScenarioFileErrors, AxesAndBusesAreCheckedWithTheLine) {
   EXPECT_THAT(where("[[rule]]\naxis = \"lefd\"\ndo = \"power\"\n"), HasSubstr("did you mean `left`?"));
   EXPECT_THAT(where("[[rule]]\nbus = \"can7\"\ndo = \"send\"\nid = 1\n"), HasSubstr("there is no bus \"can7\""));
   EXPECT_EQ(where("[[rule]]\naxis = \"left\"\ndo = \"power\"\n"), "");
+  for (const std::string action :
+       {"do = \"error_state\"\nstate = \"bus_off\"", "do = \"al_drop\"\nto = \"init\"\ncode = 0x1E",
+        "do = \"sii\"\nword = 8\nvalue = 1", "do = \"clock\"\njump_ns = 5", "do = \"watchdog\"",
+        "do = \"al_refuse\"\nto = \"operational\"\ncode = 0x1E", "do = \"sync0\"\nhow = \"missing\"",
+        "do = \"stale_inputs\"", "do = \"power\"", "do = \"emergency\"", "do = \"ignore\"\nobject = \"6040\""}) {
+    EXPECT_THAT(where("[[rule]]\nbus = \"can0\"\n" + action + "\n"), HasSubstr("the action needs an axis")) << action;
+  }
+}
+
+TEST(ScenarioFileErrors, ObjectsOfConditionsAreCheckedWithTheLine) {
+  line::Line line(line::test::settings_of(one_axis));
+  const auto problem = [&line](const std::string& condition) -> std::string {
+    std::string problems;
+    for (const std::string& text :
+         {"[[expect]]\nalways = " + condition + "\n", "[[expect]]\nalways = {}\nwhen = " + condition + "\n",
+          "[[rule]]\ndo = \"power\"\nwhen = " + condition + "\n",
+          "[[rule]]\ndo = \"power\"\nuntil = " + condition + "\n"}) {
+      try {
+        const Director director(line, scenario_of(text));
+      } catch (const ScenarioError& error) {
+        if (!problems.empty() && problems != error.what()) ADD_FAILURE() << problems << error.what();
+        problems = error.what();
+        continue;
+      }
+      EXPECT_EQ(problems, "") << text;
+    }
+    return problems;
+  };
+  EXPECT_EQ(problem("{ object = \"9999\", value = 1 }"), "the drive has no object 9999h:00");
+  EXPECT_EQ(problem("{ object = \"1008\", value = 1 }"), "1008h:00 is not a whole number");
+  EXPECT_EQ(problem("{ object = \"6041\", value = 65536 }"), "65536 does not fit into 6041h:00, 0 .. 65535");
+  EXPECT_EQ(problem("{ object = \"6041\", mask = 65536, value = 1 }"), "65536 does not fit into 6041h:00, 0 .. 65535");
+  EXPECT_EQ(problem("{ object = \"6060\", value = -1 }"), "");
+  EXPECT_EQ(problem("{ object = \"6060\", value = 255 }"), "");
 }
 
 TEST(ScenarioFiles, ALatePulseIsWrittenWithOrWithoutItsWord) {

@@ -177,15 +177,49 @@ TEST(StandardExpectations, AMasterThatBreaksDownBeforeAnyRuleActsFails) {
     TrialResult result;
     result.scenario.master = wanted;
     result.rules.emplace_back();
-    result.exit_status = 139;
+    result.exit_status = 3;
     judge(result);
     EXPECT_EQ(result.outcome, TrialResult::Outcome::failed);
-    EXPECT_EQ(result.reason, "the master ended with status 139 before any rule acted");
+    EXPECT_EQ(result.reason, "the master ended with status 3 before any rule acted");
     TrialResult ended;
     ended.scenario.master = wanted;
     ended.rules.emplace_back();
     judge(ended);
     EXPECT_EQ(ended.outcome, TrialResult::Outcome::not_reached);
+  }
+}
+
+// A master that sends nothing proves nothing, though a rule such as `show` has acted.
+TEST(StandardExpectations, ASilentMasterDoesNotPass) {
+  for (const MasterStatus wanted : {MasterStatus::any, MasterStatus::success, MasterStatus::failure}) {
+    TrialResult result;
+    result.scenario.master = wanted;
+    result.rules.emplace_back().acts = 1;
+    result.was_silent = true;
+    judge(result);
+    EXPECT_EQ(result.outcome, TrialResult::Outcome::not_reached);
+    EXPECT_EQ(result.reason, "the master sent nothing on the bus");
+    result.exit_status = 1;
+    judge(result);
+    EXPECT_EQ(result.outcome, TrialResult::Outcome::failed);
+    EXPECT_EQ(result.reason, "the master ended with status 1 before it sent anything");
+  }
+}
+
+TEST(StandardExpectations, AMasterThatCrashesDoesNotEndByItself) {
+  for (const MasterStatus wanted : {MasterStatus::any, MasterStatus::failure}) {
+    TrialResult result;
+    result.scenario.master = wanted;
+    result.exit_status = 139;
+    judge(result);
+    EXPECT_EQ(result.outcome, TrialResult::Outcome::failed);
+    ASSERT_EQ(result.verdicts.size(), 1U);
+    EXPECT_EQ(result.verdicts[0].found, "SIGSEGV ended it (status 139)");
+    TrialResult asked;
+    asked.scenario.master = wanted;
+    asked.exit_status = 143;
+    judge(asked);
+    EXPECT_EQ(asked.outcome, TrialResult::Outcome::passed);
   }
 }
 

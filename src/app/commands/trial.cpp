@@ -6,6 +6,7 @@
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <thread>
 
@@ -93,7 +94,7 @@ void print(const TrialResult& result, std::size_t done, std::size_t of) {
 
 // The kept result of a trial, without pictures and traffic: those of many trials would fill the memory.
 struct Done {
-  TrialResult::Outcome outcome = TrialResult::Outcome::error;
+  std::optional<TrialResult::Outcome> outcome{};  // nullopt: the user ended the trial, or all, before
   scenario::TrialJson view;
   std::string section;
 };
@@ -119,6 +120,7 @@ std::vector<Done> run_all(const Options& options, const std::vector<std::string>
       run.job = job;
       run.folder = temporary.path() / std::to_string(n);
       const TrialResult result = run_trial(run, files[n]);
+      if (result.interrupted) continue;
       results[n] = {result.outcome, scenario::json_of(result),
                     options.html.empty() ? "" : scenario::html_section_of(result)};
       const std::lock_guard lock(printing);
@@ -131,11 +133,18 @@ std::vector<Done> run_all(const Options& options, const std::vector<std::string>
   return results;
 }
 
+// Checks the scenarios as far as that is possible without their lines running.
 void list(const std::vector<std::string>& files) {
+  std::size_t wrong = 0;
   for (const std::string& file : files) {
-    const auto loaded = scenario::load_scenario(file);
-    fmt::print("{:<60} {}\n", file, loaded.scenario.title);
+    const scenario::TrialResult checked = check_trial(file);
+    fmt::print("{:<60} {}\n", file, checked.reason.empty() ? checked.scenario.title : "");
+    if (checked.reason.empty()) continue;
+    ++wrong;
+    std::fflush(stdout);
+    warn(checked.reason);
   }
+  if (wrong > 0) throw Failure::did_not_work(fmt::format("{} of {} scenarios have errors", wrong, files.size()));
 }
 
 void run_minimise(const Options& options, const std::vector<std::string>& files) {
@@ -193,7 +202,7 @@ void run(const Options& options) {
   scenario::TrialJson all = scenario::TrialJson::array();
   std::vector<std::string> sections;
   for (const Done& one : results) {
-    if (one.view.is_null()) continue;  // the trials were interrupted
+    if (!one.outcome) continue;
     all.push_back(one.view);
     sections.push_back(one.section);
   }
@@ -211,7 +220,11 @@ void run(const Options& options) {
     fmt::print("{} passed, {} failed, {} not reached, {} errors\n", count(TrialResult::Outcome::passed), failed,
                count(TrialResult::Outcome::not_reached), errors);
   }
-  if (failed + errors > 0) throw Failure::did_not_work("the master does not pass all scenarios");
+  if (all.size() < files.size()) {
+    throw Failure::did_not_work(fmt::format("interrupted: {} of {} trials are done", all.size(), files.size()));
+  }
+  if (failed > 0) throw Failure::did_not_work("the master does not pass all scenarios");
+  if (errors > 0) throw Failure::did_not_work("some scenarios could not be run");
 }
 
 }  // namespace trial_command
@@ -251,7 +264,7 @@ void add_trial(CLI::App& app) {
       ->check(CLI::Range(2, 100'000));
   command->add_flag("--schema", options->schema,
                     "Print a JSON Schema of scenario files, for editors that complete and check TOML");
-  command->add_flag("--list", options->list, "List the scenarios and run nothing");
+  command->add_flag("--list", options->list, "List the scenarios, check them, and run nothing");
   command->add_flag("--json", options->json, "Print JSON");
   command->callback([options] { run(*options); });
 }
