@@ -263,6 +263,7 @@ void Axis402::step_to_operation(bool& is_commanded) {
 // by now. The call does not wait, because other axes may have to be stopped.
 void Axis402::enable() {
   bool is_commanded = false;
+  goal_.reset();
   try {
     step_to_operation(is_commanded);
   } catch (...) {
@@ -305,14 +306,14 @@ void Axis402::disable() {
 
 // Option code 605Ah decides: the drive stays in quick stop active or continues to switch on disabled.
 void Axis402::quick_stop() {
-  const PowerState present = or_send(command_word::quick_stop, [this] { return state(); });
+  const PowerState present = or_send(command_word::quick_stop, [this] { return state_to_stop(); });
   if (is_doubtful(present)) stop_in_doubt();
   if (present != PowerState::operation_enabled && present != PowerState::quick_stop_active) {
     return take_back_targets_of_idle_axis();
   }
   const Restored rest(comes_to_rest_, true);
   halted_ = false;
-  if (present == PowerState::operation_enabled) write_controlword(command_word::quick_stop);
+  write_controlword(command_word::quick_stop);  // also in quick stop active, which one wrong bit may show
   wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop", time_to_obey());
   take_back_targets();
   wait_for_standstill();
@@ -321,6 +322,7 @@ void Axis402::quick_stop() {
 
 void Axis402::set_mode(OperationMode mode) {
   const auto number = static_cast<std::int8_t>(mode);
+  mode_ = number;
   if (this->mode() == number) return;
   if (number > 0) {
     const auto supported = objects_.read_if_present<std::uint32_t>(0x6502);

@@ -275,6 +275,8 @@ class Axis402 {
   // enable(); sets `is_commanded` before the first controlword.
   void step_to_operation(bool& is_commanded);
   void require_enabled(const char* doing);
+  void require_no_stop(const char* doing);
+  void require_mode(const std::string& doing);
   bool wait_for_bits(std::uint16_t mask, std::uint16_t value, Time timeout);
   // Waits for one poll interval. Throws Cancelled.
   void pause();
@@ -295,10 +297,13 @@ class Axis402 {
   // An axis that does not answer within it delays other axes.
   static constexpr Time short_wait = std::chrono::milliseconds(100);
   static bool is_doubtful(PowerState state);
+  // The state before a stop; not ready to switch on if the statusword contradicts the motion of the shaft.
+  PowerState state_to_stop();
   void stop_in_doubt();
   // The time in which a quick stop or the disabling must show in the statusword.
   Time time_to_obey() const;
   bool is_to_operate();
+  static bool is_ordered_to_operate(std::uint16_t controlword);
   std::uint16_t present_controlword();
   OperationMode command_halt();
   void complete_stop_of_another();
@@ -337,6 +342,7 @@ class Axis402 {
   AxisOptions options_;
   ObjectClient& objects_;
   std::uint16_t controlword_ = 0;
+  std::optional<std::int8_t> mode_{};   // of the last motion
   std::optional<std::int32_t> goal_{};  // target of the last move
   std::string order_{};                 // the last move, as text for messages
   int direction_ = 0;                   // -1, 0, +1: of the last motion command; 0: none

@@ -23,6 +23,29 @@ void Axis402::require_enabled(const char* doing) {
   // Another master may have left the halt bit set, and this bit would stop the move. controlword_ keeps the bit so that
   // hand_over() replaces the halted move.
   if (controlword_ == 0) controlword_ = objects_.read<std::uint16_t>(0x6040);
+  const unsigned halt = present_controlword() & unsigned{control_bit::halt};
+  controlword_ = static_cast<std::uint16_t>((controlword_ & ~unsigned{control_bit::halt}) | halt);
+}
+
+// Another client may have commanded a stop since require_enabled(). A word that starts a motion would interrupt it.
+void Axis402::require_no_stop(const char* doing) {
+  const bool is_enabled = state() == PowerState::operation_enabled;
+  const std::uint16_t word = present_controlword();
+  const bool is_halted = (word & ~controlword_ & control_bit::halt) != 0;
+  if (is_enabled && is_ordered_to_operate(word) && !is_halted) return;
+  fail(fmt::format("another client has stopped the axis before it could {}", doing), "order the motion again");
+}
+
+// Bits 10, 12 and 13 of the statusword have another meaning in another mode.
+void Axis402::require_mode(const std::string& doing) {
+  if (!mode_ || mode() == *mode_) return;
+  objects_.wait(options_.poll_interval);
+  const std::int8_t present = mode();
+  if (present == *mode_) return;
+  const std::string problem = try_to_stop();
+  fail(fmt::format("{}: the mode of operation (6061h) is {} now and no longer {}{}", doing, present, *mode_,
+                   problem.empty() ? "" : "; " + problem),
+       "check which other client writes 6060h");
 }
 
 void Axis402::write_profile(const MotionProfile& profile) {
@@ -59,7 +82,7 @@ void Axis402::follow(Time timeout, const Progress& progress, const std::string& 
       fail(fmt::format("the drive left operation enabled while {}", doing),
            "look at the error code; then reset the fault and enable again");
     }
-    if (!halted_ && now - ordered_ >= settling && done(word)) return;
+    if (!halted_ && now - ordered_ >= settling && done(word)) return require_mode(doing);
     if (now >= deadline) {
       const std::int32_t at = position();
       const std::string problem = try_to_stop();
@@ -85,6 +108,7 @@ void Axis402::home(const HomingRequest& request, Time timeout, const Progress& p
   write_if_given(0x6099, 2, request.zero_speed);
   write_if_given(0x609A, 0, request.acceleration);
   write_if_given(0x607C, 0, request.offset);
+  require_no_stop("home");
   write_controlword(command_word::enable_operation | start_homing);
   const catalogue::HomingSignals& signals = product().dialect.homing_signals;
   const std::string doing = fmt::format("homing by method {}", objects_.read<std::int8_t>(0x6098));
@@ -137,12 +161,14 @@ void Axis402::hand_over(std::int32_t target, std::uint16_t order) {
   const std::uint16_t halt = controlword_ & control_bit::halt;
   if (halt != 0) order |= change_immediately;
   halted_ = false;
+  require_no_stop("move");
   write_controlword(order | halt);
   const bool is_free = wait_for_bits(set_point_acknowledge, 0, halt != 0 ? settling : options_.state_timeout);
   if (!is_free && !(halt != 0 && drop_set_points(order | halt))) {
     fail("the drive accepts no further set-point (statusword bit 12 stays set)", "stop the present motion first");
   }
   objects_.write<std::int32_t>(0x607A, 0, target);
+  require_no_stop("move");
   write_controlword(order | new_set_point);
   // Some drives clear the acknowledgement by themselves, so this master may miss it. A "target reached" that becomes 0
   // also proves that the drive accepted the set-point.
@@ -170,9 +196,14 @@ void Axis402::start_move(std::int32_t target, bool relative, const MotionProfile
   if (velocity == 0U) {
     fail("the profile velocity (6081h) is 0: the axis would not move", "give a velocity for the move");
   }
+  // The drive adds the distance to the target of a move that is under way.
+  const bool is_under_way = goal_ && (controlword_ & control_bit::halt) == 0 &&
+                            mode() == static_cast<std::int8_t>(OperationMode::profile_position) &&
+                            (statusword() & status_bit::target_reached) == 0;
   set_mode(OperationMode::profile_position);
   write_profile(profile);
-  const std::int64_t goal = relative ? std::int64_t{position_demand()} + target : target;
+  const std::int64_t base = !relative ? 0 : is_under_way ? *goal_ : position_demand();
+  const std::int64_t goal = base + target;
   goal_ = goal == static_cast<std::int32_t>(goal) ? std::optional(static_cast<std::int32_t>(goal)) : std::nullopt;
   const std::int64_t distance = goal - position();
   direction_ = distance == 0 ? 0 : distance > 0 ? 1 : -1;

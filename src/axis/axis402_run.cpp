@@ -32,10 +32,8 @@ std::int64_t rest_of(double revolution) {
 // Sets the target velocity to 0 before the mode changes, so that the target of a former run does not act.
 void Axis402::begin_velocity(const MotionProfile& profile) {
   halted_ = false;
-  if (mode() != static_cast<std::int8_t>(OperationMode::profile_velocity)) {
-    objects_.write<std::int32_t>(0x60FF, 0, 0);
-    set_mode(OperationMode::profile_velocity);
-  }
+  if (mode() != static_cast<std::int8_t>(OperationMode::profile_velocity)) objects_.write<std::int32_t>(0x60FF, 0, 0);
+  set_mode(OperationMode::profile_velocity);
   write_profile(profile);
 }
 
@@ -44,6 +42,7 @@ void Axis402::run_at(std::int32_t velocity, const MotionProfile& profile, Time t
   begin_velocity(profile);
   const std::string doing = fmt::format("running up to velocity {}", velocity);
   leave_if_cancelled(doing);
+  require_no_stop("run");
   objects_.write<std::int32_t>(0x60FF, 0, velocity);
   write_controlword(command_word::enable_operation);
   place_.reset();
@@ -92,6 +91,7 @@ void Axis402::jog(const MotionProfile& profile, const JogDemand& demand, bool wa
   const std::string doing = "jogging";
   begin_velocity(profile);
   objects_.write<std::int32_t>(0x60FF, 0, 0);
+  require_no_stop("jog");
   write_controlword(command_word::enable_operation);
   std::int32_t asked = 0;
   direction_ = 0;
@@ -125,11 +125,10 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
                          const Progress& progress) {
   require_enabled("give torque");
   halted_ = false;
-  if (mode() != static_cast<std::int8_t>(OperationMode::profile_torque)) {
-    objects_.write<std::int16_t>(0x6071, 0, 0);
-    set_mode(OperationMode::profile_torque);
-  }
+  if (mode() != static_cast<std::int8_t>(OperationMode::profile_torque)) objects_.write<std::int16_t>(0x6071, 0, 0);
+  set_mode(OperationMode::profile_torque);
   write_if_given(0x6087, 0, profile.slope);
+  require_no_stop("give torque");
   objects_.write<std::int16_t>(0x6071, 0, torque_permille);
   objects_.wait(options_.poll_interval);
   if (const auto kept = objects_.read<std::int16_t>(0x6071); kept != torque_permille) {
@@ -149,10 +148,15 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
   });
 }
 
+// A stop must not fail because the drive does not tell its units.
 std::int64_t Axis402::rest_distance() {
   if (!rest_distance_) {
-    const auto scale = this->units();
-    rest_distance_ = rest_of(scale ? scale->position : 0.0);
+    try {
+      const auto scale = this->units();
+      rest_distance_ = rest_of(scale ? scale->position : 0.0);
+    } catch (const MasterError&) {
+      rest_distance_ = rest_of(0.0);
+    }
   }
   return *rest_distance_;
 }
@@ -164,19 +168,22 @@ std::int64_t Axis402::rest_increments() {
 
 // With halt set, target reached means standstill (CiA 402-2 table 29). Some drives (iSMK) do not report this in homing:
 // for these drives, and in a quick stop, the axis is at standstill after 100 ms without a change of position. The
-// timeout restarts each time the axis becomes slower, because a ramp may be long.
+// timeout restarts each time the axis has become slower by 1 %, because a ramp may be long.
 bool Axis402::wait_for_standstill(std::optional<Time> longest) {
   constexpr Time standing = std::chrono::milliseconds(100);
+  constexpr Time between_looks = std::chrono::milliseconds(10);
+  constexpr Time vibrating = std::chrono::milliseconds(500);
   const Time began = objects_.now();
   objects_.wait(settling);
   std::optional<std::int32_t> place;
   Time since{};
+  std::optional<Time> reached_since;
   std::int64_t slowest = std::numeric_limits<std::int64_t>::max();
   Time deadline = objects_.now() + options_.state_timeout;
   for (;;) {
     const AxisStatus present = status();
     const bool is_enabled = present.state() == PowerState::operation_enabled;
-    if (is_enabled ? reached(present.statusword) : present.state() != PowerState::quick_stop_active) return true;
+    if (!is_enabled && present.state() != PowerState::quick_stop_active) return true;
     const Time now = objects_.now();
     if (!place || std::abs(std::int64_t{present.position} - *place) > rest_distance()) {
       place = present.position;
@@ -184,8 +191,16 @@ bool Axis402::wait_for_standstill(std::optional<Time> longest) {
     } else if (now - since >= standing) {
       return true;
     }
+    // The bit may be that of the motion before the halt, or wrong, so the position must confirm it.
+    if (!is_enabled || !reached(present.statusword)) {
+      reached_since.reset();
+    } else if (now - since >= between_looks || now - reached_since.value_or(now) >= vibrating) {
+      return true;
+    } else if (!reached_since) {
+      reached_since = now;
+    }
     if (longest && is_enabled && now - began >= *longest) return false;
-    if (const std::int64_t speed = std::abs(std::int64_t{present.velocity}); speed < slowest) {
+    if (const std::int64_t speed = std::abs(std::int64_t{present.velocity}); speed < slowest - slowest / 100) {
       slowest = speed;
       deadline = objects_.now() + options_.state_timeout;
     }
@@ -201,8 +216,11 @@ bool Axis402::wait_for_standstill(std::optional<Time> longest) {
 // carries this out, and a controlword of this master would interrupt it, or enable the axis again.
 bool Axis402::is_to_operate() {
   if (state() != PowerState::operation_enabled) return false;
-  // A drive without a fault ignores a word that resets faults, and goes on.
-  const std::uint16_t word = present_controlword();
+  return is_ordered_to_operate(present_controlword());
+}
+
+// A drive without a fault ignores a word that resets faults, and goes on.
+bool Axis402::is_ordered_to_operate(std::uint16_t word) {
   return commands_operation(word) || (word & control_bit::fault_reset) != 0;
 }
 
@@ -214,11 +232,23 @@ std::uint16_t Axis402::present_controlword() {
   }
 }
 
+// One wrong bit makes operation enabled look like switched on, or like quick stop active. Switched on is only believed
+// if the shaft rests and the state stays.
+PowerState Axis402::state_to_stop() {
+  constexpr Time between_looks = std::chrono::milliseconds(30);
+  const PowerState present = state();
+  if (present != PowerState::switched_on) return present;
+  const auto before = static_cast<std::uint32_t>(position());
+  objects_.wait(between_looks);
+  const auto moved = static_cast<std::int32_t>(static_cast<std::uint32_t>(position()) - before);
+  return std::abs(std::int64_t{moved}) > rest_distance() ? PowerState::not_ready_to_switch_on : state();
+}
+
 void Axis402::stop() {
   const Restored rest(comes_to_rest_, true);
-  const PowerState present = or_send(command_word::quick_stop, [this] { return state(); });
+  const PowerState present = or_send(command_word::quick_stop, [this] { return state_to_stop(); });
+  if (present == PowerState::quick_stop_active) return quick_stop();
   if (is_doubtful(present)) return stop_in_doubt();
-  if (present == PowerState::quick_stop_active) wait_for_standstill();
   if (present != PowerState::operation_enabled) return;
   if (!or_send(command_word::quick_stop, [this] { return is_to_operate(); })) return complete_stop_of_another();
   const OperationMode mode = or_send(command_word::quick_stop, [this] { return command_halt(); });
@@ -327,8 +357,12 @@ std::string Axis402::try_to_switch_off() {
 }
 
 void Axis402::halt() {
-  if (state() != PowerState::operation_enabled || halted_) return;
-  if (mode() == static_cast<std::int8_t>(OperationMode::profile_torque)) {
+  const PowerState present = state_to_stop();
+  if (is_doubtful(present)) return stop_in_doubt();
+  if (present != PowerState::operation_enabled) return;
+  if (halted_ && (present_controlword() & control_bit::halt) != 0) return;
+  mode_ = mode();
+  if (*mode_ == static_cast<std::int8_t>(OperationMode::profile_torque)) {
     fail("an axis in a torque mode cannot be halted: it would coast", "stop it");
   }
   const Restored rest(comes_to_rest_, true);

@@ -242,8 +242,9 @@ TEST_F(DriveBusTest, ALimitOfTheWaitReachesTheBusAndEndsWithTheAccess) {
   }
   drive->read<std::uint32_t>(0x1002);
   const std::lock_guard lock(script_.mutex);
-  // The value before the write is read for the list of changes.
-  EXPECT_THAT(script_.limited, ElementsAre("1 1000 10 ms", "1 6081 10 ms", "1 6081 10 ms", "1 1010 10 ms"));
+  // The value before a write is read for the list of changes.
+  EXPECT_THAT(script_.limited,
+              ElementsAre("1 1000 10 ms", "1 6081 10 ms", "1 6081 10 ms", "1 1010 10 ms", "1 1010 10 ms"));
 }
 
 TEST_F(DriveBusTest, AStopReachesADriveThatWaitsForItsBrake) {
