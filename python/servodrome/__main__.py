@@ -3,14 +3,55 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
+import math
 import os
+import signal
 import sys
 import time
-from typing import Any, Dict, List, Optional
+from types import FrameType
+from typing import Any, Callable, Dict, Iterator, List, Optional
 
-from .errors import Error, MissingPackage
-from .trial import Trial, files_of, html_of, junit_of, run_trials
+from ._outputs import check_file, make_folder
+from .errors import BadValue, Error, MissingPackage
+from .trial import Children, Trial, files_of, html_of, junit_of, run_trials
+
+
+def _at_least(least: int) -> Callable[[str], int]:
+    """The type of an option: an integer."""
+
+    def number(text: str) -> int:
+        with contextlib.suppress(ValueError):
+            if int(text) >= least:
+                return int(text)
+        raise argparse.ArgumentTypeError(f"{text} is not a number of at least {least}")
+
+    return number
+
+
+def _seconds(text: str) -> float:
+    with contextlib.suppress(ValueError):
+        if 0 <= float(text) < math.inf:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"{text} is not a time in seconds")
+
+
+@contextlib.contextmanager
+def _stops(act: Callable[[], None]) -> Iterator[List[int]]:
+    """Ctrl-C and SIGTERM call `act` in place of an exception. The value has their numbers."""
+    caught: List[int] = []
+
+    def stop(number: int, _frame: Optional[FrameType]) -> None:
+        caught.append(number)
+        act()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield caught
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _progress() -> "object":
@@ -30,10 +71,11 @@ def _progress() -> "object":
 
 
 def _run(options: argparse.Namespace) -> int:
-    from .campaign import Store, load_plan
+    from .campaign import Store, check_plan, load_plan
     from .campaign.distribute import run_here, run_on_dask
 
     plan = load_plan(options.plan)
+    check_plan(options.plan, plan)
     store = Store(options.out, plan)
     progress = None if options.quiet else _progress()
     try:
@@ -55,6 +97,8 @@ def _report(options: argparse.Namespace) -> int:
     from .campaign.report import html_of as campaign_html_of
     from .campaign.report import text_of
 
+    if options.html:
+        check_file(options.html, "--html")
     store = Store(options.folder)
     print(text_of(store), end="")
     if options.html:
@@ -79,14 +123,21 @@ def _trial(options: argparse.Namespace) -> int:
     if options.list:
         print("\n".join(scenarios))
         return 0
+    if not os.path.exists(options.master):
+        raise BadValue("there is no such file", options.master, "give the file of the master, a program in Python")
+    for path, option in ((options.junit, "--junit"), (options.html, "--html")):
+        if path:
+            check_file(path, option)
     if options.keep:
-        os.makedirs(options.keep, exist_ok=True)
+        make_folder(options.keep, "--keep")
     trial = Trial(options.master, options.arguments, options.after, options.keep)
     reports = []
-    for report in run_trials(trial, scenarios, options.jobs):
-        reports.append(report)
-        if not options.json:
-            _print_trial(report.view, len(reports), len(scenarios))
+    children = Children()
+    with _stops(children.stop) as signals:
+        for report in run_trials(trial, scenarios, options.jobs, children):
+            reports.append(report)
+            if not options.json:
+                _print_trial(report.view, len(reports), len(scenarios))
     name = " ".join([options.master, *options.arguments])
     for path, text_of in ((options.junit, junit_of), (options.html, html_of)):
         if path:
@@ -98,6 +149,9 @@ def _trial(options: argparse.Namespace) -> int:
     else:
         words = {"passed": "passed", "failed": "failed", "not reached": "not reached", "error": "errors"}
         print(", ".join(f"{outcomes.count(outcome)} {word}" for outcome, word in words.items()))
+    if signals:
+        print(f"interrupted: {len(reports)} of {len(scenarios)} trials done", file=sys.stderr)
+        return 128 + signals[0]
     return 1 if "failed" in outcomes or "error" in outcomes else 0
 
 
@@ -110,7 +164,9 @@ def main(arguments: Optional[List[str]] = None) -> int:
     run = verbs.add_parser("run", help="carry out the runs of a plan that are missing in a folder")
     run.add_argument("plan", help="the plan (TOML)")
     run.add_argument("--out", required=True, help="folder of the results; an interrupted campaign goes on there")
-    run.add_argument("--workers", type=int, default=os.cpu_count() or 2, help="processes of the local cluster; 0: this process")
+    run.add_argument(
+        "--workers", type=_at_least(0), default=os.cpu_count() or 2, help="processes of the local cluster; 0: this process"
+    )
     run.add_argument("--scheduler", default="", help="tcp://HOST:PORT of a Dask scheduler in place of a local cluster")
     run.add_argument("--quiet", action="store_true", help="no progress")
     run.set_defaults(act=_run)
@@ -118,13 +174,20 @@ def main(arguments: Optional[List[str]] = None) -> int:
     report.add_argument("folder", help="the folder of `campaign run --out`")
     report.add_argument("--html", default="", help="write a page with plots to this file")
     report.set_defaults(act=_report)
-    trial = commands.add_parser("trial", help="a master in Python through scenarios, in this process and in virtual time")
+    trial = commands.add_parser(
+        "trial",
+        help="a master in Python through scenarios, in virtual time",
+        description="Runs a master in Python through scenarios, each in a process of its own, in virtual time. A trial ends the master "
+        "after `duration_s` of its scenario, in line time. A trial is an error if it takes more wall time than ten times the sum of "
+        "`duration_s`, 2 s and --after, plus 60 s. Exit status: 0; 1: a trial failed or is an error; 2: wrong use; 130: Ctrl-C; 143: "
+        "SIGTERM.",
+    )
     trial.add_argument("master", help="the file of the program; it opens the buses of the line by python-can and the like")
-    trial.add_argument("arguments", nargs="*", help="its arguments; {link}, {host}, {port} and {scenario} are replaced")
+    trial.add_argument("arguments", nargs="*", help="its arguments; {link}, {host}, {port}, {scenario} and {job} are replaced")
     trial.add_argument("--scenarios", action="append", required=True, help="folders with scenario files, or scenario files")
     trial.add_argument("--only", default="", help="only scenarios whose path contains this text")
-    trial.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="so many trials at once")
-    trial.add_argument("--after", type=float, default=3.0, help="the line runs on so many seconds after the master has ended")
+    trial.add_argument("--jobs", type=_at_least(1), default=os.cpu_count() or 1, help="so many trials at once")
+    trial.add_argument("--after", type=_seconds, default=3.0, help="the line runs on so many seconds after the master has ended")
     trial.add_argument("--junit", default="", help="write the outcomes to this file, as JUnit XML")
     trial.add_argument("--html", default="", help="write a page with all outcomes, the motion and the traffic")
     trial.add_argument("--keep", default="", help="keep the traffic of each trial as captures in this folder")

@@ -18,6 +18,7 @@ import time
 from typing import Any, Callable, Dict, List, Tuple
 
 from . import _scheduler
+from ._datetime import replacements
 from ._locks import AllocatedLock, VirtualLock, VirtualRLock, VirtualSimpleQueue
 from ._scheduler import Participant, Waiter, running
 
@@ -67,12 +68,26 @@ class _Clock:
         me = running.get(_get_ident())
         return me.scheduler.clock(me) if me is not None else _real["perf_counter_ns"]()
 
+    def localtime(self, seconds: Any = None) -> Any:
+        return _real["localtime"](self.time() if seconds is None else seconds)
+
+    def gmtime(self, seconds: Any = None) -> Any:
+        return _real["gmtime"](self.time() if seconds is None else seconds)
+
+    def ctime(self, seconds: Any = None) -> str:
+        return _real["ctime"](self.time() if seconds is None else seconds)  # type: ignore[no-any-return]
+
+    def strftime(self, form: str, moment: Any = None) -> str:
+        return _real["strftime"](form, self.localtime() if moment is None else moment)  # type: ignore[no-any-return]
+
 
 _clock = _Clock()
-_CLOCK_NAMES = ("sleep", "time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns")
+_CLOCK_NAMES = ["sleep", "time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns"]
+_CLOCK_NAMES += ["localtime", "gmtime", "ctime", "strftime"]
 
 # Objects that modules have by name, and what replaces them.
 _OBJECTS: List[Tuple[Any, Any]] = [(_real[name], getattr(_clock, name)) for name in _CLOCK_NAMES]
+_OBJECTS += replacements(_clock.time)
 _OBJECTS += [
     (threading.Lock, VirtualLock),
     (threading.RLock, VirtualRLock),

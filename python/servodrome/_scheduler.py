@@ -36,6 +36,7 @@ _TURNS = 3  # of the others, at the end, before a participant gives up a lock th
 _REFUSALS = 1000  # waits that a thread tries after the end of virtual time, before it is left behind
 _REAL_PAUSE_S = 0.001  # while only something outside of the line can go on: a file descriptor, another thread
 _PAUSES = 1000  # for a lock that a thread outside may hold
+_NEVER_NS = 2**63 - 1
 _real_sleep = time.sleep  # this module is imported before anything is replaced
 _real_start = threading.Thread.start
 _real_join = threading.Thread.join
@@ -130,6 +131,8 @@ class Scheduler:
         self._ports: Tuple[int, ...] = ()
         self._port_array: Any = None
         self._urgent: Optional[Participant] = None
+        self._limit_ns = _NEVER_NS
+        self._at_limit: Callable[[], None] = lambda: None
         _forks.register(self)
 
     def after_fork(self) -> None:
@@ -163,6 +166,14 @@ class Scheduler:
         polls = me.polls
         self.wait(me, self.deadline(me, seconds))
         me.polls = 0 if seconds > 0 else polls + 1
+
+    def set_limit(self, seconds: float, act: Callable[[], None]) -> None:
+        """Calls `act` when every participant waits for a time later than in `seconds`. `act` ends the process: it does not return.
+
+        The participant that ran last calls it, so no other one runs meanwhile. With a limit there is no VirtualDeadlock.
+        """
+        self._limit_ns = self.now() + round(seconds * 1e9)
+        self._at_limit = act
 
     # ---- Waiting ----
 
@@ -266,13 +277,14 @@ class Scheduler:
                     return participant
             while timed and timed[0][2].token != timed[0][3]:
                 heapq.heappop(timed)
-            if not timed and not self._readers:
+            if not timed and not self._readers and self._limit_ns == _NEVER_NS:
                 if not self._outside and (not self._checks or pauses == _PAUSES):
                     return self._fail(VirtualDeadlock(*self._report()))
                 pauses += 1
                 _real_sleep(_REAL_PAUSE_S)
                 continue
-            end = self.now() + _SLICE_NS
+            now = self.now()
+            end = max(now, min(now + _SLICE_NS, self._limit_ns))
             is_deadline = bool(timed) and timed[0][0] <= end
             if is_deadline:
                 end = timed[0][0]
@@ -286,6 +298,8 @@ class Scheduler:
             self._now.value = end
             if is_deadline:
                 return heapq.heappop(timed)[2]
+            if end >= self._limit_ns:
+                self._at_limit()
 
     def _run_line(self, end: int) -> int:
         ports = tuple(self._readers.values())

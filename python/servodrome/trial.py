@@ -1,35 +1,35 @@
-"""`python -m servodrome trial`: a master in Python through scenarios, in this process and in virtual time (docs/scenario.md).
+"""`python -m servodrome trial`: a master in Python through scenarios, in virtual time (docs/scenario.md).
 
 Each trial is a process of its own, so that no trial sees what another one has left behind, and runs in the time of its line:
-a program that needs a minute takes some seconds at most, and two runs are equal to the last bit.
+a program that needs a minute takes some seconds at most, and two runs are equal to the last bit. _trial_process.py is that process.
 """
 
 from __future__ import annotations
 
-import atexit
 import contextlib
-import io
 import json
+import math
 import os
 import pathlib
-import random
 import re
-import runpy
+import signal
 import subprocess
 import sys
 import tempfile
 import threading
-import traceback
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Dict, Iterator, List, NamedTuple, Sequence
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set
 
+from ._toml import read_toml
 from .errors import BadValue, Error
 from .line import Line
-from .virtual_time import virtual_time
 
-_MOST_OUTPUT = 4000
-_PLACES = ("link", "host", "port", "scenario", "job")  # replaced in the arguments
-_CAN_INTERFACES = ("socketcand", "socketcan", "slcan", "virtual")
+_MOST_OUTPUT = 4000  # bytes
+# A trial is an error if it takes this many times its longest time, and `_LEAST_LIMIT_S` more: as in src/app/trial_run.cpp.
+_SLOWEST = 10
+_LEAST_LIMIT_S = 60.0
+_TIME_TO_TERMINATE_S = 2.0
+_DURATION_S = 10.0  # the default of `duration_s` of a scenario
 
 
 class Trial(NamedTuple):
@@ -55,7 +55,7 @@ class Report(NamedTuple):
 
 def files_of(places: Sequence[str], only: str = "") -> List[str]:
     """The scenario files of folders and files, in alphabetical order. Line files are in folders called `lines`."""
-    files = set()
+    files: Set[str] = set()
     for place in places:
         if os.path.isdir(place):
             found = pathlib.Path(place).rglob("*.toml")
@@ -68,181 +68,139 @@ def files_of(places: Sequence[str], only: str = "") -> List[str]:
     return chosen
 
 
-class _Overtime(Exception):
-    """The time of the master is over."""
+def end_of_file(path: str) -> str:
+    """The last bytes of a file as text, from the begin of a character on."""
+    with open(path, "rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - _MOST_OUTPUT))
+        text = file.read(_MOST_OUTPUT)
+    if size <= _MOST_OUTPUT:
+        return text.decode(errors="replace")
+    return "...\n" + re.sub(rb"^[\x80-\xbf]{1,3}", b"", text).decode(errors="replace")
 
 
-class _ExitFunctions:
-    """Takes the place of the module atexit for a program, so that they run at the end of the program, not of the process."""
-
-    def __init__(self) -> None:
-        self._functions: List[Any] = []
-
-    def register(self, function: Any, *arguments: Any, **keywords: Any) -> Any:
-        """As atexit.register."""
-        self._functions.append((function, arguments, keywords))
-        return function
-
-    def unregister(self, function: Any) -> None:
-        """As atexit.unregister."""
-        self._functions = [one for one in self._functions if one[0] != function]
-
-    def run(self) -> None:
-        """Runs the functions, the last one first. An exception does not keep the others from running."""
-        while self._functions:
-            function, arguments, keywords = self._functions.pop()
-            try:
-                function(*arguments, **keywords)
-            except BaseException:  # noqa: BLE001 (as at the end of a process)
-                traceback.print_exc()
-
-
-class _Ending(threading.Thread):
-    """The master as a thread: its exit status and its output. As in a process of its own, its threads are no daemons."""
-
-    def __init__(self, trial: Trial) -> None:
-        super().__init__(name="master", daemon=False)
-        self._trial = trial
-        self._before = set(threading.enumerate())
-        self._exit_functions = _ExitFunctions()
-        self.status = 1
-
-    def run(self) -> None:
-        """Runs the program as `python FILE ARGUMENTS` does, to the end of the process."""
-        registers = (atexit.register, atexit.unregister)
-        atexit.register, atexit.unregister = self._exit_functions.register, self._exit_functions.unregister
-        try:
-            self._run_file()
-            self._end()
-        finally:
-            atexit.register, atexit.unregister = registers
-
-    def _end(self) -> None:
-        """What the interpreter does at its end: functions of `threading` (thread pools end), threads, functions of atexit."""
-        for function in reversed(getattr(threading, "_threading_atexits", [])):
-            function()
-        while rest := [one for one in threading.enumerate() if not one.daemon and one is not self and one not in self._before]:
-            rest[0].join()
-        self._exit_functions.run()
-
-    def _run_file(self) -> None:
-        try:
-            runpy.run_path(self._trial.master, run_name="__main__")
-            self.status = 0
-        except SystemExit as ended:
-            if ended.code is not None and not isinstance(ended.code, int):
-                print(ended.code, file=sys.stderr)
-            self.status = 0 if ended.code is None else ended.code if isinstance(ended.code, int) else 1
-        except BaseException:  # noqa: BLE001 (whatever the program raises ends it, as in a process of its own)
-            traceback.print_exc()
-
-
-@contextlib.contextmanager
-def _as_program(trial: Trial, line: Line, output: io.StringIO) -> Iterator[None]:
-    """The arguments, the module path and the output of a program of its own; other CAN interfaces open buses of the line."""
-    names = {"scenario": "", "job": "0", "host": "servodrome", "port": "29536", "link": next(iter(line.buses), "")}
-    arguments = list(trial.arguments)
-    for name in _PLACES:
-        arguments = [one.replace("{" + name + "}", names[name]) for one in arguments]
-    sys.argv = [trial.master, *arguments]
-    sys.path.insert(0, str(pathlib.Path(trial.master).resolve().parent))
-    try:
-        import can.interfaces
-
-        for interface in _CAN_INTERFACES:
-            can.interfaces.BACKENDS[interface] = ("servodrome.can_bus", "ServodromeBus")
-    except ImportError:
-        pass  # a master without python-can
-    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
-        yield
-
-
-def _run_master(trial: Trial, line: Line, duration_s: float, output: io.StringIO) -> "tuple[int, bool]":
-    """Returns the exit status, and whether the trial has ended the master."""
-    with _as_program(trial, line, output):
-        try:
-            with virtual_time(line):
-                master = _Ending(trial)
-                master.start()
-                master.join(duration_s)
-                if master.is_alive():
-                    raise _Overtime
-        except _Overtime:
-            return 1, True
-        return master.status, False
-
-
-def _captures(line: Line, folder: str, scenario: pathlib.Path) -> List[str]:
-    files = []
-    for name, bus in line.buses.items():
-        place = scenario.parent.name
-        file = pathlib.Path(folder) / f"{place}{'-' if place else ''}{scenario.stem}.{name}.pcap"
-        file.write_bytes(bus.capture())
-        files.append(str(file))
-    return files
-
-
-def run_trial(trial: Trial, scenario: str) -> Report:
-    """Runs the master through one scenario in this process. The process should end afterwards: see the module's text."""
-    try:
-        with open(scenario, encoding="utf-8") as file:
-            text = file.read()
-        found = re.search(r'^line\s*=\s*"([^"]*)"', text, re.MULTILINE)
-        if found is None:
-            raise BadValue("the scenario names no line", scenario, 'write line = "FILE.toml"')
-        line_file = pathlib.Path(scenario).parent / found.group(1)
-        with Line.from_file(line_file) as line:
-            begun = line.request("PUT", "trial", {"text": text, "file": scenario, "after_s": trial.after_s})
-            random.seed(begun["seed"])
-            output = io.StringIO()
-            if trial.keep:
-                for bus in line.buses.values():
-                    bus.record()
-            status, was_ended = _run_master(trial, line, begun["duration_s"], output)
-            said = output.getvalue()
-            said = said if len(said) <= _MOST_OUTPUT else "...\n" + said[-_MOST_OUTPUT:]
-            line.request("POST", "trial/master", {"exit_status": status, "was_ended": was_ended, "output": said})
-            line.advance(trial.after_s)
-            ended = line.request("DELETE", "trial")
-            view = json.loads(ended["trial"])
-            if trial.keep:
-                view["captures"] = _captures(line, trial.keep, pathlib.Path(scenario))
-            return Report(view, ended["section"])
-    except (Error, OSError) as error:
-        return _error(scenario, str(error))
-
-
-def _error(scenario: str, reason: str) -> Report:
-    view = {"scenario": scenario, "title": "", "outcome": "error", "reason": reason, "expectations": [], "rules": []}
+def error_report(scenario: str, reason: str, outcome: str = "error", title: str = "", output: str = "") -> Report:
+    """The report of a trial that its process has not written."""
+    view = {
+        "scenario": scenario,
+        "title": title,
+        "outcome": outcome,
+        "reason": reason,
+        "expectations": [],
+        "rules": [],
+        "output": output,
+    }
     return Report(view, "")
 
 
-def _in_child(trial: Trial, scenario: str) -> Report:
-    """Runs a trial in a new process, so that no trial sees what another one has left behind."""
-    package = str(pathlib.Path(__file__).resolve().parents[1])
-    path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH", "")]))
-    environment = {**os.environ, "PYTHONPATH": path, "PYTHONHASHSEED": "0"}
+class Children:
+    """The processes of trials, each with a group of its own. After `stop` none is left, and none begins."""
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()  # reentrant for a signal handler that calls stop()
+        self._running: Set[int] = set()  # they are their groups' numbers, too
+        self.is_stopped = False
+
+    def stop(self) -> None:
+        """Kills all processes."""
+        with self._lock:
+            self.is_stopped = True
+            for number in list(self._running):
+                self._kill(number)
+
+    def _kill(self, number: int) -> None:
+        with self._lock:
+            if number in self._running:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(number, signal.SIGKILL)
+
+    def run(self, command: Sequence[str], output: str, limit_s: float) -> Optional[int]:
+        """The exit status; minus the number of the signal that ended the process; None after `stop`.
+
+        Raises TimeoutError after `limit_s`. Nothing of the process's group is left at the end.
+        """
+        package = str(pathlib.Path(__file__).resolve().parents[1])
+        path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH", "")]))
+        environment = {**os.environ, "PYTHONPATH": path, "PYTHONHASHSEED": "0"}
+        overtime = threading.Event()
+        with self._lock, open(output, "wb") as file:
+            if self.is_stopped:
+                return None
+            process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=file, stderr=file, start_new_session=True, env=environment
+            )
+            self._running.add(process.pid)
+
+        def end() -> None:
+            overtime.set()
+            self._kill(process.pid)
+
+        timer = threading.Timer(limit_s, end)
+        timer.daemon = True
+        timer.start()
+        # The process stays a zombie until its group is killed: so the system does not give its number to another one.
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        timer.cancel()
+        with self._lock:
+            self._kill(process.pid)
+            self._running.remove(process.pid)
+            status = process.wait()
+        if overtime.is_set() and status == -signal.SIGKILL:
+            raise TimeoutError
+        return None if self.is_stopped and status == -signal.SIGKILL else status
+
+
+def limit_of(trial: Trial, duration_s: Any) -> float:
+    """The wall time in seconds after which a trial is an error. Its process refuses a wrong `duration_s` at once."""
+    is_time = isinstance(duration_s, (int, float)) and 0 < duration_s < math.inf
+    duration = float(duration_s) if is_time else _DURATION_S
+    return min(_SLOWEST * (duration + _TIME_TO_TERMINATE_S + trial.after_s) + _LEAST_LIMIT_S, threading.TIMEOUT_MAX)
+
+
+def _name(number: int) -> str:
+    """ "signal 11 (SIGSEGV)" """
+    try:
+        return f"signal {number} ({signal.Signals(number).name})"
+    except ValueError:
+        return f"signal {number}"  # a real-time signal
+
+
+def _in_child(trial: Trial, scenario: str, children: Children) -> Optional[Report]:
+    """Runs a trial in a new process. None: the trials were stopped before its end."""
+    try:
+        content = read_toml(scenario)
+    except Error as error:
+        return error_report(scenario, str(error))
+    title = str(content.get("title", ""))
+    limit_s = limit_of(trial, content.get("duration_s", _DURATION_S))
     with tempfile.TemporaryDirectory() as folder:
-        result = os.path.join(folder, "result.json")
-        command = [sys.executable, "-m", "servodrome.trial", json.dumps(trial._asdict()), scenario, result]
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace", env=environment, check=False)
-        if not os.path.exists(result):
-            return _error(scenario, f"the process ended with status {done.returncode}: {done.stderr[-_MOST_OUTPUT:]}")
-        with open(result, encoding="utf-8") as file:
-            return Report(*json.load(file))
+        result, output = os.path.join(folder, "result.json"), os.path.join(folder, "output")
+        command = [sys.executable, "-m", "servodrome._trial_process", json.dumps(trial._asdict()), scenario, folder]
+        try:
+            status = children.run(command, output, limit_s)
+        except TimeoutError:
+            reason = f"the trial takes more than {limit_s:.0f} s of wall time: the master computes without waiting, "
+            reason += "or the machine is too busy"
+            return error_report(scenario, reason, title=title, output=end_of_file(output))
+        if status is None:
+            return None
+        if os.path.exists(result):
+            with open(result, encoding="utf-8") as file:
+                return Report(*json.load(file))
+        said = end_of_file(output)
+        if status < 0:
+            return error_report(scenario, f"the master was ended by {_name(-status)}", "failed", title, said)
+        return error_report(scenario, f"the process ended with status {status}: {said}", title=title)
 
 
-def run_trials(trial: Trial, scenarios: Sequence[str], jobs: int = 1) -> Iterator[Report]:
-    """The outcomes in the order of the scenarios."""
+def run_trials(trial: Trial, scenarios: Sequence[str], jobs: int = 1, children: Optional[Children] = None) -> Iterator[Report]:
+    """The outcomes in the order of the scenarios; after children.stop() only those of the trials that are done."""
+    children = children or Children()
     with ThreadPoolExecutor(jobs) as pool:
-        yield from pool.map(lambda scenario: _in_child(trial, scenario), scenarios)
-
-
-def _main(trial: str, scenario: str, result: str) -> None:
-    report = run_trial(Trial(**json.loads(trial)), scenario)
-    with open(result + ".part", "w", encoding="utf-8") as file:
-        json.dump(report, file)
-    os.replace(result + ".part", result)
+        try:
+            yield from filter(None, pool.map(lambda scenario: _in_child(trial, scenario, children), scenarios))
+        finally:
+            children.stop()
 
 
 def _report(line: Line, reports: Sequence[Report], master: str, form: str) -> str:
@@ -266,9 +224,3 @@ def html_of(reports: Sequence[Report], master: str) -> str:
         page = _report(line, reports, master, "html")
     head, end = page.rsplit("</html>", 1)
     return head + "".join(report.section for report in reports) + "</html>" + end
-
-
-if __name__ == "__main__":
-    _main(*sys.argv[1:])
-    sys.stdout.flush()
-    os._exit(0)  # threads that the master has left behind do not hold up the end

@@ -13,8 +13,8 @@ Thread.join, for a Lock or RLock, in a selector (asyncio), or for a port of the 
 the line runs to the earliest timeout, or until a port has received something. So the same program does the same each time, to the last
 bit; computing costs no line time.
 
-The clock of participants: time.monotonic() and perf_counter() are line time, time.time() is line time since the begin of 2026 (UTC). Other
-threads keep the real clock, and are not stopped. datetime.now() and time.localtime() without an argument are real for all.
+The clock of participants: time.monotonic() and perf_counter() are line time; time.time(), time.localtime() and the like, datetime.now() and
+date.today() are line time since the begin of 2026 (UTC). Other threads keep the real clock, and are not stopped.
 
 Limits
 - A loop that only reads the clock, or polls with a timeout of 0, gets one tick (62.5 us) for each hundred readings.

@@ -9,7 +9,8 @@
 
 namespace servodrome::app {
 
-// A program that this one starts, with all programs that it starts in turn. The destructor kills them.
+// A program that this one starts, with the programs that it starts in turn and leaves in its process group. The
+// destructor kills them.
 class ChildProcess {
  public:
   // `environment` is added to that of this process, and replaces variables of the same name. Standard output and

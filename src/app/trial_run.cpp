@@ -249,6 +249,7 @@ void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings
     return;
   }
   director.finish();
+  result.uses_buses = true;
   result.master_output = end_of_file(output);
   const std::string reason = result.reason;
   record.complete(result, director);

@@ -23,7 +23,8 @@ struct TrialResult {
   std::vector<RuleReport> rules;
   int exit_status = 0;
   bool was_ended = false;     // the trial ended the master, because its time was over
-  bool was_silent = false;    // the master sent nothing on a bus, although it could
+  bool uses_buses = false;    // the master is a program that commands its drives over their buses
+  bool was_silent = false;    // such a master sent nothing, although it could
   bool interrupted = false;   // the user ended the trial: it has no outcome
   Time master_end{};          // line time at which the master ended
   Time duration{};            // line time

@@ -155,7 +155,7 @@ void TrialRecord::complete(TrialResult& result, const scenario::Director& direct
   result.duration = line_.now();
   result.master_end = director.master_end().value_or(line_.now());
   result.picture = picture();
-  result.was_silent = was_silent(result);
+  result.was_silent = result.uses_buses && was_silent(result);
   scenario::judge(result);
   const std::vector<scenario::Moment> moments = moments_of(result);
   const std::vector<scenario::ActRecord> acts = director.acts();

@@ -78,11 +78,13 @@ Json TrialRoutes::master_ended(const std::string& body) {
   reader.required("exit_status");
   const auto exit_status = static_cast<int>(reader.signed_integer("exit_status").value_or(0));
   const bool was_ended = reader.boolean("was_ended").value_or(false);
+  const bool uses_buses = reader.boolean("uses_buses").value_or(false);
   std::string output = reader.string("output").value_or("");
   reader.finish();
   scenario::Director& its = director();
   result_.exit_status = exit_status;
   result_.was_ended = was_ended;
+  result_.uses_buses = uses_buses;
   result_.master_output = std::move(output);
   its.master_ended(result_.exit_status == 0 && !result_.was_ended);
   line_.changed();

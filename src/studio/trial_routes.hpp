@@ -20,7 +20,7 @@ class TrialRoutes {
 
   // Begins: {"text", "file"}; {"after_s"} is the time for which the line will run on after the end of the master.
   api::Json begin(const std::string& body);
-  // The master has ended: {"exit_status", "was_ended", "output"}.
+  // The master has ended: {"exit_status", "was_ended", "uses_buses", "output"}.
   api::Json master_ended(const std::string& body);
   // Ends the trial: {"trial": its outcome, "section": its part of the page}.
   api::Json end();

@@ -1,5 +1,6 @@
 """Common parts of the tests of virtual_time: the functions that it replaces, and lines."""
 
+import datetime
 import queue
 import sched
 import subprocess
@@ -20,6 +21,12 @@ def present():
         time.monotonic_ns,
         time.perf_counter,
         time.perf_counter_ns,
+        time.localtime,
+        time.gmtime,
+        time.ctime,
+        time.strftime,
+        datetime.datetime,
+        datetime.date,
         threading.Lock,
         threading.RLock,
         threading.Condition.wait,

@@ -4,8 +4,9 @@
     python -m servodrome campaign report DIR
 """
 
+from .check import check_plan
 from .plan import Plan, Run, load_plan
 from .store import Store
 from .work import execute
 
-__all__ = ["Plan", "Run", "Store", "execute", "load_plan"]
+__all__ = ["Plan", "Run", "Store", "check_plan", "execute", "load_plan"]

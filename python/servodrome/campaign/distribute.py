@@ -8,8 +8,12 @@ import concurrent.futures
 import contextlib
 import importlib
 import itertools
+import logging
+import multiprocessing
+import signal
 import sys
 import time
+from multiprocessing import resource_tracker
 from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, Optional, Sequence
 
 from ..errors import MissingPackage
@@ -84,9 +88,16 @@ def run_on_dask(
     if len(counter.done) >= plan.size:
         return
     if not scheduler:
-        with distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
-            with distributed.Client(cluster) as client:
-                _feed(distributed, client, counter, batch)
+        # The main thread only waits: Ctrl-C in a callback of the garbage collector, as Dask has one, would have no effect.
+        with concurrent.futures.ThreadPoolExecutor(1) as feeder:
+            with _local_cluster(distributed, workers) as cluster, distributed.Client(cluster) as client:
+                try:
+                    feeder.submit(_feed, distributed, client, counter, batch).result()
+                except KeyboardInterrupt:
+                    logging.disable(logging.CRITICAL)  # Dask logs what it cannot send any more
+                    for process in multiprocessing.active_children():
+                        process.kill()  # the workers: Dask waits some seconds for the end of their runs
+                    raise
         return
     while len(counter.done) < plan.size:
         try:
@@ -101,6 +112,18 @@ def run_on_dask(
         finally:
             with contextlib.suppress(OSError, TimeoutError):
                 client.close()
+
+
+def _local_cluster(distributed: Any, workers: int) -> Any:
+    """A cluster of processes that do not get Ctrl-C: the command ends them. Without logs: errors of tasks are exceptions here."""
+    resource_tracker.ensure_running()  # its start would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Dask's thread, which starts the processes, inherits this
+    try:
+        return distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL
+        )
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _wait_for_scheduler(error: Exception) -> None:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import copy
 import glob
 import hashlib
-import importlib
 import importlib.util
 import json
 import math
 import os
 import re
-import sys
 from typing import Any, Dict, List, NamedTuple, Sequence, Union
 
-from ..errors import BadValue, MissingPackage
+from .._library import version
+from .._toml import read_toml
+from ..errors import BadValue
+from ..trial import files_of
 
 Value = Union[float, int, str, bool]
 
@@ -28,6 +30,7 @@ _KEYS = {
 }
 _RANGE = {"from", "to", "count", "scale"}
 _MOST_RUNS = 10**8
+_GREATEST_SEED = 2**63 - 1
 
 COLUMNS = {
     "run": "number of the run in its plan, from 0",
@@ -67,6 +70,8 @@ class Plan(NamedTuple):
     parameters: Dict[str, List[Value]]
     checksums: Dict[str, str] = {}
     """The SHA-256 of the files of the program and the scenarios, by their names in the plan. A worker refuses other files."""
+    version: str = ""
+    """Of Servodrome. A worker with another one refuses the plan."""
 
     @property
     def size(self) -> int:
@@ -87,9 +92,18 @@ class Plan(NamedTuple):
         return Run(number, scenario, self.first_seed + seed, {name: chosen[name] for name in self.parameters})
 
     @property
-    def fingerprint(self) -> str:
-        """Equal for plans with equal runs: a folder of results belongs to one plan."""
-        return hashlib.sha256(json.dumps(self._asdict(), sort_keys=True).encode()).hexdigest()
+    def fingerprints(self) -> Dict[str, str]:
+        """A checksum for each key of the plan that decides rows. The title and the folders of files decide none."""
+        parts: Dict[str, Any] = {
+            "line": self.line,
+            "program": [self.checksums.get(self.program, self.program), self.program.rpartition(":")[2]],
+            "scenarios": [[os.path.basename(path), self.checksums.get(path)] for path in self.scenarios],
+            "seeds": self.seeds,
+            "first_seed": self.first_seed,
+            "parameters": list(self.parameters.items()),  # their order decides the numbers of the runs
+        }
+        texts = {key: json.dumps(part, sort_keys=True, default=str) for key, part in parts.items()}
+        return {key: hashlib.sha256(text.encode()).hexdigest() for key, text in texts.items()}
 
 
 def file_of(program: str) -> str:
@@ -114,27 +128,7 @@ def checksums_of(files: Dict[str, str]) -> Dict[str, str]:
     return sums
 
 
-def _toml() -> Any:
-    try:
-        return importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
-    except ImportError as error:
-        raise MissingPackage("tomli is not installed", "campaign", "pip install tomli") from error
-
-
-def read_toml(path: str) -> Dict[str, Any]:
-    """The content of a TOML file. Raises BadValue with the place of an error."""
-    toml = _toml()
-    try:
-        with open(path, "rb") as file:
-            content: Dict[str, Any] = toml.load(file)
-            return content
-    except OSError as error:
-        raise BadValue(f"{path} cannot be read: {error.strerror}", path, "give the name of a TOML file") from None
-    except toml.TOMLDecodeError as error:
-        raise BadValue(str(error), path, "correct the TOML") from None
-
-
-class _Places:
+class Places:
     """The places of keys in a TOML file, for errors: the parser tells none."""
 
     def __init__(self, path: str) -> None:
@@ -163,7 +157,7 @@ def _is(kind: str, value: Any) -> bool:
 def load_plan(path: str) -> Plan:
     """Reads a plan. Raises BadValue for a wrong key, type or value."""
     content = read_toml(path)
-    places = _Places(path)
+    places = Places(path)
     folder = os.path.dirname(os.path.abspath(path))
     for key, value in content.items():
         if key not in _KEYS:
@@ -174,12 +168,11 @@ def load_plan(path: str) -> Plan:
         raise BadValue("`line` is missing", path, 'name a line file: line = "cell.toml"')
     scenarios: List[str] = []
     for pattern in content.get("scenarios", []):
-        found = sorted(glob.glob(os.path.join(folder, pattern), recursive=True))
-        if not found:
-            raise BadValue(
-                f"scenarios: there is no file {pattern}", places.of("scenarios"), "give paths or patterns, relative to the plan"
-            )
-        scenarios += found
+        try:
+            scenarios += files_of(sorted(glob.glob(os.path.join(folder, pattern), recursive=True)))
+        except BadValue:
+            hint = "give files, folders or patterns, relative to the plan"
+            raise BadValue(f"scenarios: there is no file {pattern}", places.of("scenarios"), hint) from None
     program = content.get("program", "servodrome.campaign.programs:velocity_step")
     file, _, function = program.rpartition(":")
     if not file or not function:
@@ -189,6 +182,11 @@ def load_plan(path: str) -> Plan:
     seeds = content.get("seeds", 1)
     if seeds < 1:
         raise BadValue(f"seeds: {seeds!r} is no number of seeds", places.of("seeds"), "give 1 or more")
+    first_seed = content.get("first_seed", 1)
+    if first_seed < 0 or first_seed + seeds - 1 > _GREATEST_SEED:
+        raise BadValue(
+            f"first_seed: seeds from {first_seed} on are not from 0 to 2^63 - 1", places.of("first_seed"), "give another one"
+        )
     parameters = {}
     for name, given in _flat(content.get("parameters", {})).items():
         if name in COLUMNS or name.startswith("figure_"):
@@ -197,10 +195,13 @@ def load_plan(path: str) -> Plan:
     line = read_toml(os.path.join(folder, content["line"]))
     title = content.get("title", os.path.basename(path))
     checksums = checksums_of({**{path: path for path in scenarios}, program: file_of(program)})
-    plan = Plan(title, line, program, scenarios, seeds, content.get("first_seed", 1), parameters, checksums)
+    plan = Plan(title, line, program, scenarios, seeds, first_seed, parameters, checksums, version())
     if plan.size > _MOST_RUNS:
         raise BadValue(f"the plan has {plan.size} runs", path, f"give fewer values; {_MOST_RUNS} is the limit")
-    changed_line(plan, plan.run(0))  # raises for a parameter that the line does not have
+    try:
+        changed_line(plan, plan.run(0))
+    except BadValue as error:  # the line does not have the axis or the table of a parameter
+        raise BadValue(error.what, places.of(error.where), error.hint) from None
     return plan
 
 
@@ -241,7 +242,12 @@ def values_of(name: str, given: Any, where: str) -> List[Value]:
             raise BadValue(f"{name}: a range has no key {unknown[0]}", where, f"known are {', '.join(sorted(_RANGE))}")
         begin, end, count, scale = given.get("from"), given.get("to"), given.get("count"), given.get("scale", "linear")
         fits = _is_column([begin, end]) and not isinstance(begin, (bool, str)) and _is("an integer", count)
-        if not fits or count < 2 or scale not in ("linear", "log") or (scale == "log" and (begin <= 0 or end <= 0)):
+        if (
+            not fits
+            or not 2 <= count <= _MOST_RUNS
+            or scale not in ("linear", "log")
+            or (scale == "log" and (begin <= 0 or end <= 0))
+        ):
             raise BadValue(f"{name}: {given!r} is no range", where, 'write { from = 1e-5, to = 1e-4, count = 5, scale = "log" }')
         shares = [place / (count - 1) for place in range(count)]
         if scale == "log":
@@ -252,21 +258,24 @@ def values_of(name: str, given: Any, where: str) -> List[Value]:
 
 def changed_line(plan: Plan, run: Run) -> Dict[str, Any]:
     """The line of a run: a copy with the parameters axis.NAME.KEYS and bus.NAME.KEYS. Others are for the program only."""
-    line: Dict[str, Any] = json.loads(json.dumps(plan.line))
+    line: Dict[str, Any] = copy.deepcopy(plan.line)
     for name, value in run.parameters.items():
         kind, _, rest = name.partition(".")
         if kind not in ("axis", "bus"):
             continue
         who, _, keys = rest.partition(".")
-        tables = [table for table in line.get(kind, []) if table.get("name") == who]
+        known = [table for table in line.get(kind, []) if isinstance(table, dict)] if isinstance(line.get(kind, []), list) else []
+        tables = [table for table in known if table.get("name") == who]
         if not tables or not keys:
-            known = ", ".join(table.get("name", "?") for table in line.get(kind, []))
-            raise BadValue(f"{name}: the line has no {kind} {who!r}", "parameters", f"known are {known}")
-        _set(tables[0], keys.split("."), value)
+            names = ", ".join(str(table.get("name", "?")) for table in known)
+            raise BadValue(f"{name}: the line has no {kind} {who!r}", name, f"known are {names}")
+        _set(tables[0], name, keys.split("."), value)
     return line
 
 
-def _set(table: Dict[str, Any], keys: Sequence[str], value: Value) -> None:
+def _set(table: Dict[str, Any], name: str, keys: Sequence[str], value: Value) -> None:
     for key in keys[:-1]:
         table = table.setdefault(key, {})
+        if not isinstance(table, dict):
+            raise BadValue(f"{name}: {key} of the line file is no table", name, f"write a parameter that ends with {key}")
     table[keys[-1]] = value

@@ -6,11 +6,14 @@ import hashlib
 import importlib
 import json
 import os
-import re
+import random
 import sys
+import traceback
 import types
 from typing import Any, Callable, Dict, List, Mapping, Sequence, Tuple
 
+from .._library import version
+from .._toml import read_toml
 from ..errors import BadValue, Error
 from ..line import Line
 from ..tables import toml_text
@@ -18,12 +21,12 @@ from .plan import Plan, Run, changed_line
 
 Program = Callable[[Line, Mapping[str, Any], int], Mapping[str, float]]
 
-_AFTER_S = 3.0  # the line runs on so long after the end of the program, as in a trial
+AFTER_S = 3.0  # the line runs on so long after the end of the program, as in a trial
 
 _programs: Dict[Tuple[str, str], Program] = {}
 
 
-def _read(path: str, checksum: str) -> bytes:
+def read(path: str, checksum: str) -> bytes:
     """The content of a file. Raises BadValue if it is another one than that of the command."""
     with open(path, "rb") as file:
         content = file.read()
@@ -42,18 +45,42 @@ def program_of(plan: Plan) -> Program:
             if place.endswith(".py"):
                 module = types.ModuleType(f"campaign_{abs(hash(place))}")
                 module.__file__ = place
-                exec(compile(_read(place, checksum), place, "exec"), module.__dict__)  # noqa: S102 (the user's program)
+                exec(compile(read(place, checksum), place, "exec"), module.__dict__)  # noqa: S102 (the user's program)
             else:
                 is_loaded = place in sys.modules
                 module = importlib.import_module(place)
                 if is_loaded and any(name == plan.program for name, _ in _programs):
                     module = importlib.reload(module)
                 if module.__file__:
-                    _read(module.__file__, checksum)
-            _programs[key] = getattr(module, function)
-        except (ImportError, AttributeError, FileNotFoundError, SyntaxError) as error:
-            raise BadValue(f"the program {plan.program} cannot be loaded: {error}", "program", "write FILE.py:FUNCTION") from error
+                    read(module.__file__, checksum)
+        except Error:
+            raise
+        except (Exception, SystemExit) as error:  # noqa: BLE001 (whatever the user's program raises)
+            what = f"the program {plan.program} cannot be loaded: {type(error).__name__}: {error}"
+            raise BadValue(
+                what, _place_of(error, place), "the program is FILE.py:FUNCTION, and loads without an error"
+            ) from error
+        found = getattr(module, function, None)
+        if not callable(found):
+            raise BadValue(f"{place} has no function {function}", "program", "write FILE.py:FUNCTION")
+        _programs[key] = found
     return _programs[key]
+
+
+def _place_of(error: BaseException, file: str) -> str:
+    """FILE:LINE of an error of a program that is being loaded; "program" if it has no line."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{error.filename}:{error.lineno}:{error.offset}"
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+    return f"{file}:{lines[-1]}" if lines else "program"
+
+
+def _seed(seed: int) -> None:
+    """Seeds the generators of the process, so that the figures of a program that uses them depend only on the plan."""
+    random.seed(seed)
+    numpy = sys.modules.get("numpy")
+    if numpy is not None:
+        numpy.random.seed(seed % 2**32)
 
 
 def row_of(run: Run) -> Dict[str, Any]:
@@ -73,22 +100,27 @@ def execute(plan: Plan, number: int) -> Dict[str, Any]:
     run = plan.run(number)
     row = row_of(run)
     program = program_of(plan)
-    text = _read(run.scenario, plan.checksums.get(run.scenario, "")).decode() if run.scenario else ""
+    scenario: Dict[str, Any] = {}
+    if run.scenario:
+        read(run.scenario, plan.checksums.get(run.scenario, ""))
+        scenario = read_toml(run.scenario)
+    _seed(run.seed)
     try:
         with Line.from_text(toml_text(changed_line(plan, run))) as line:
-            _carry_out(line, run, text, lambda: program(line, run.parameters, run.seed), row)
+            _carry_out(line, run, scenario, lambda: program(line, run.parameters, run.seed), row)
             row["line_time_s"] = line.now
     except Error as error:
         row.update(outcome="error", error=str(error), line_time_s=0.0)
     return row
 
 
-def _carry_out(line: Line, run: Run, text: str, program: Callable[[], Mapping[str, float]], row: Dict[str, Any]) -> None:
+def _carry_out(
+    line: Line, run: Run, scenario: Dict[str, Any], program: Callable[[], Mapping[str, float]], row: Dict[str, Any]
+) -> None:
     duration_s = 0.0
-    if text:
-        # The run's seed takes the place of the file's.
-        rows = [one for one in text.splitlines() if not re.match(r"\s*seed\s*=", one)]
-        body = {"text": f"seed = {run.seed}\n" + "\n".join(rows) + "\n", "file": run.scenario, "after_s": _AFTER_S}
+    if scenario:
+        text = toml_text({**scenario, "seed": run.seed})
+        body = {"text": text, "file": run.scenario, "after_s": AFTER_S}
         duration_s = line.now + line.request("PUT", "trial", body)["duration_s"]
     succeeded = False
     try:
@@ -97,11 +129,11 @@ def _carry_out(line: Line, run: Run, text: str, program: Callable[[], Mapping[st
         succeeded = True
     except (Exception, SystemExit) as error:  # noqa: BLE001 (whatever the program raises is its outcome)
         row.update(outcome="failed", error=f"{type(error).__name__}: {error}")
-    if not text:
+    if not scenario:
         return
     was_ended = line.now > duration_s
     line.request("POST", "trial/master", {"exit_status": 0 if succeeded else 1, "was_ended": was_ended, "output": ""})
-    line.advance(_AFTER_S)
+    line.advance(AFTER_S)
     view = json.loads(line.request("DELETE", "trial")["trial"])
     row["acts"] = sum(rule["acts"] for rule in view["rules"])
     row["failed"] = ", ".join(one["name"] for one in view["expectations"] if one["outcome"] == "failed")
@@ -111,4 +143,8 @@ def _carry_out(line: Line, run: Run, text: str, program: Callable[[], Mapping[st
 
 def execute_batch(plan: Plan, numbers: Sequence[int]) -> List[Dict[str, Any]]:
     """The rows of several runs."""
+    if plan.version not in ("", version()):
+        raise BadValue(
+            f"this worker has Servodrome {version()}, and the command has {plan.version}", "worker", "install one version"
+        )
     return [execute(plan, number) for number in numbers]
