@@ -259,10 +259,6 @@ void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings
   }
 }
 
-}  // namespace
-
-namespace {
-
 // Loads the scenario and its line, and tries both. The result has a reason if one of them has an error.
 line::LineSettings load(const std::string& scenario_path, TrialResult& result) {
   result.path = scenario_path;

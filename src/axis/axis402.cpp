@@ -223,6 +223,7 @@ void Axis402::reset_fault() {
 void Axis402::step_to_operation(bool& is_commanded) {
   PowerState present = state();
   if (present == PowerState::operation_enabled) return;
+  goal_.reset();
   const Time timeout = options_.enable_timeout + brake_delay();
   const auto step = [&](std::uint16_t word, PowerState to, const char* doing) {
     if (commands_operation(word)) leave_if_cancelled("commanding the drive");
@@ -263,7 +264,6 @@ void Axis402::step_to_operation(bool& is_commanded) {
 // by now. The call does not wait, because other axes may have to be stopped.
 void Axis402::enable() {
   bool is_commanded = false;
-  goal_.reset();
   try {
     step_to_operation(is_commanded);
   } catch (...) {

@@ -359,6 +359,7 @@ std::string Axis402::try_to_switch_off() {
 void Axis402::halt() {
   const PowerState present = state_to_stop();
   if (is_doubtful(present)) return stop_in_doubt();
+  if (present == PowerState::quick_stop_active) return quick_stop();
   if (present != PowerState::operation_enabled) return;
   if (halted_ && (present_controlword() & control_bit::halt) != 0) return;
   mode_ = mode();

@@ -21,7 +21,7 @@ class ForwardedObjects : public ObjectClient {
 
  protected:
   ForwardedObjects() = default;
-  // Before the first call, if the constructor got no target.
+  // All calls go to `target` from now on. Needed before the first call if the constructor got no target.
   void set_target(ObjectClient& target) { target_ = &target; }
   ObjectClient& target() const { return *target_; }
 

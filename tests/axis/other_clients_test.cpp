@@ -97,9 +97,7 @@ TEST(StoppingWithAMissingBit, BringsTheAxisToRest) {
         objects.until = objects.now() + span;
         const Time before = objects.now();
         problem_of([&] { (axis.*end)(); });
-        const bool is_halt = end == &Axis402::halt && missing == std::byte{0x20};
-        EXPECT_LT(objects.now() - before, is_halt ? 6s : 4s);
-        if (is_halt) problem_of([&] { axis.stop(); });  // a halt of an axis in quick stop active is not possible
+        EXPECT_LT(objects.now() - before, 4s);
         const double place = rig.shaft_counts();
         rig.objects().wait(1s);
         EXPECT_NEAR(rig.shaft_counts(), place, 20) << std::to_integer<int>(missing) << ' ' << span / 1ms << " ms";
@@ -237,6 +235,7 @@ TEST_P(TwoMoves, ByADistanceAddUp) {
   const double before = rig.shaft_counts();
   axis.start_move_by(distance, profile);
   rig.objects().wait(200ms);
+  axis.enable();  // it is enabled already, so the move goes on
   EXPECT_EQ(problem_of([&] { axis.move_by(distance, profile, 20s); }), "");
   rig.objects().wait(500ms);
   const double turned = (rig.shaft_counts() - before) / rig.drive().plant().parameters().encoder.counts_per_revolution;
