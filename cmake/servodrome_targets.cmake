@@ -21,6 +21,10 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     $<BUILD_INTERFACE:-Wno-null-dereference -Wno-error=array-bounds -Wno-error=restrict
     -Wno-error=stringop-overflow -Wno-error=stringop-overread -Wno-error=maybe-uninitialized -Wno-error=free-nonheap-object
     -fconstexpr-ops-limit=500000000 -fconstexpr-loop-limit=5000000>)
+  if(SERVODROME_UNITY)
+    # The compiler begins to collect its garbage only at 768 MB: this saves a tenth of its time. Default: 128 MB or less.
+    target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:--param=ggc-min-heapsize=786432>)
+  endif()
 else()
   target_compile_options(servodrome_options INTERFACE $<BUILD_INTERFACE:-fconstexpr-steps=500000000>)
 endif()

@@ -92,9 +92,11 @@ void World::look_for_overdue() {
     Record& record = subject.record;
     if (!record.waits_since || record.overdue || line_->now() - *record.waits_since < limit) continue;
     record.overdue = true;
-    finding(fmt::format("{} {} ({}) is not in operation {:.0f} s after a disturbance; statusword {:04X}h",
-                        subject.variant->product->name, subject.variant->model, subject.axis->settings().name,
-                        options_.recovery_limit_s, subject.axis->device().drive().statusword()));
+    const drive::Drive& drive = subject.axis->device().drive();
+    finding(
+        fmt::format("{} {} ({}) is not in operation {:.0f} s after a disturbance; statusword {:04X}h, 603Fh {:04X}h",
+                    subject.variant->product->name, subject.variant->model, subject.axis->settings().name,
+                    options_.recovery_limit_s, drive.statusword(), drive.axis().objects.error_code));
   }
 }
 

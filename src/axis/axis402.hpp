@@ -195,6 +195,8 @@ class Axis402 {
   // limited: set limits first. Throws if the axis rests at an active limit switch in the direction of the torque.
   void run_torque(std::int16_t torque_permille, const TorqueProfile& profile, Time timeout,
                   const Progress& progress = {});
+  // The same, but returns when the drive has accepted the target torque. hold_for() lets it act for a time.
+  void start_torque(std::int16_t torque_permille, const TorqueProfile& profile);
 
   // Halts (option code 605Dh) and waits for standstill; aborts homing and drops a move. In profile torque the axis is
   // braked by a velocity of 0 and the mode changes to profile velocity, because a halt would let the axis coast. A halt

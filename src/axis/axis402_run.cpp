@@ -121,8 +121,7 @@ void Axis402::jog(const MotionProfile& profile, const JogDemand& demand, bool wa
   stop();
 }
 
-void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& profile, Time timeout,
-                         const Progress& progress) {
+void Axis402::start_torque(std::int16_t torque_permille, const TorqueProfile& profile) {
   require_enabled("give torque");
   halted_ = false;
   if (mode() != static_cast<std::int8_t>(OperationMode::profile_torque)) objects_.write<std::int16_t>(0x6071, 0, 0);
@@ -136,9 +135,14 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
          "something else writes it: another target in the process data, an input, or another master");
   }
   write_controlword(command_word::enable_operation);
-  const std::string doing = fmt::format("applying {:g} % of rated torque", torque_permille / 10.0);
   place_.reset();
   direction_ = sign_of(torque_permille);
+}
+
+void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& profile, Time timeout,
+                         const Progress& progress) {
+  start_torque(torque_permille, profile);
+  const std::string doing = fmt::format("applying {:g} % of rated torque", torque_permille / 10.0);
   const std::int32_t start = position();
   follow(timeout, progress, doing, [&](std::uint16_t word) {
     if (stands()) leave_if_at_limit(doing);

@@ -212,6 +212,14 @@ def test_jog_and_torque_into_an_active_limit_switch_fail(client, bench):
         assert "where the positive limit switch is active (60FDh)" in said, said
 
 
+@pytest.mark.once
+def test_torque_ends_after_its_seconds_although_the_slope_takes_longer(client):
+    said = client("torque", "--node", 2, "--percent", 50, "--slope", 5, "--seconds", 0.3)
+    assert "stopped before the drive reported the torque as reached" in said, said
+    said = client("torque", "--node", 2, "--percent", -2, "--slope", 100, "--seconds", 0.3)
+    assert "applied torque and stopped" in said, said
+
+
 def test_the_words_of_an_ismk_are_its_own(start_line):
     line = start_line('[[bus]]\nname = "can0"\n[[axis]]\nname = "ismk"\nproduct = "ismk"\nbus = "can0"\nnode = 4\n')
     drive = ["--bus", line.links["can0"][0], "--node", 4]

@@ -3,6 +3,7 @@
 
 #include "app/commands.hpp"
 #include "app/motion_run.hpp"
+#include "axis/cia402_words.hpp"
 #include "axis/jog_keys.hpp"
 
 namespace servodrome::app {
@@ -63,12 +64,13 @@ void torque(const TorqueOptions& options) {
   run_motion(options, [&](const Units&) -> Motion {
     return [&options, permille, profile](master::Axis402& axis, const master::Axis402::Progress& progress) {
       const auto seconds = std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(options.seconds));
-      const master::Time end = axis.objects().now() + seconds;
       std::optional<double> most_percent;
+      bool reached = false;
       try {
-        axis.run_torque(permille, profile, options.bus.timeout(), progress);
-        axis.hold_for(std::max(end - axis.objects().now(), master::Time{}), [&](const master::AxisStatus& status) {
+        axis.start_torque(permille, profile);
+        axis.hold_for(seconds, [&](const master::AxisStatus& status) {
           if (status.has_torque) most_percent = std::max(most_percent.value_or(0), std::abs(status.torque) / 10.0);
+          reached = reached || (status.statusword & master::status_bit::target_reached) != 0;
           progress(status);
         });
       } catch (...) {
@@ -76,7 +78,9 @@ void torque(const TorqueOptions& options) {
         throw;
       }
       axis.stop();
-      MotionResult result{"applied torque and stopped"};
+      MotionResult result{reached ? "applied torque and stopped"
+                                  : "stopped before the drive reported the torque as reached"};
+      result.details["reached"] = reached;
       result.details["most_percent"] = most_percent ? nlohmann::ordered_json(*most_percent) : nullptr;
       return result;
     };
@@ -114,7 +118,8 @@ void add_torque(CLI::App& app) {
   command->add_option("--slope", options->slope, "Torque slope (6087h) in % of the rated torque per second")
       ->check(number_within(0.1, 1e6));
   add_seconds_option(*command, options->seconds, "Duration in seconds")->required()->check(number_within(0.001, 1e6));
-  add_motion_options(*command, *options, "Seconds to wait until the torque is reached");
+  add_motion_options(*command, *options, "Not used: the torque ends after --seconds");
+  command->remove_option(command->get_option("--timeout"));
   command->callback([options] { torque(*options); });
 }
 

@@ -93,6 +93,7 @@ void carry_out(const Options& options, const Script& script, nlohmann::ordered_j
     master::Axis402* const axis = axes[step.axis];
     const bool is_known = std::find(commanded.begin(), commanded.end(), axis) != commanded.end();
     if (master::script::commands_axis(step) && !is_known) commanded.push_back(axis);
+    if (step.verb == master::script::Verb::enable && group.has_lost_watch(step.axis)) group.renew_watch(step.axis);
   };
   run_options.progress = [shown = motion_progress(*axes.front(), options.bus.json || options.quiet)](
                              const master::AxisStatus& status) mutable { shown(status); };

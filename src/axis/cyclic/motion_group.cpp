@@ -8,6 +8,16 @@
 
 namespace servodrome::master {
 
+namespace {
+
+std::string description_of_fault(const MotionAxis& axis) {
+  if (axis.error_code() == 0) return name(axis.fault());
+  return fmt::format("{}, 603Fh is {:04X}h {}", name(axis.fault()), axis.error_code(),
+                     text_of_error_code(axis.error_code()));
+}
+
+}  // namespace
+
 MotionGroup::MotionGroup(CyclicBus& bus, std::span<const MotionAxisOptions> options) : bus_(bus) {
   for (std::size_t i = 0; i < bus.size(); ++i) {
     const MotionAxisOptions own = options.empty() ? MotionAxisOptions{} : options[std::min(i, options.size() - 1)];
@@ -40,11 +50,8 @@ void MotionGroup::cycle() {
 std::exception_ptr MotionGroup::present_fault() const {
   for (const MotionAxis& axis : axes_) {
     if (!axis.is_switched_on() || axis.is_resetting() || axis.fault() == AxisFault::none) continue;
-    std::string happened = name(axis.fault());
-    if (axis.error_code() != 0) {
-      happened += fmt::format(", 603Fh is {:04X}h {}", axis.error_code(), text_of_error_code(axis.error_code()));
-    }
-    return std::make_exception_ptr(MasterError(happened, axis.axis().where(), remedy_of(axis.fault())));
+    return std::make_exception_ptr(
+        MasterError(description_of_fault(axis), axis.axis().where(), remedy_of(axis.fault())));
   }
   return nullptr;
 }
@@ -122,7 +129,7 @@ void MotionGroup::reset_faults(Time timeout) {
   const auto sound = [](const MotionAxis& axis) { return axis.fault() == AxisFault::none; };
   if (wait_until([&] { return std::all_of(axes_.begin(), axes_.end(), sound); }, timeout)) return;
   MotionAxis& late = *std::find_if_not(axes_.begin(), axes_.end(), sound);
-  throw MasterError(fmt::format("the fault cannot be reset: {}", name(late.fault())), late.axis().where(),
+  throw MasterError(fmt::format("the fault cannot be reset: {}", description_of_fault(late)), late.axis().where(),
                     "remove its cause; some faults need power off and on");
 }
 

@@ -55,21 +55,6 @@ std::string problem_of(const Call& call) {
   }
 }
 
-bool can_move(Verb verb) {
-  switch (verb) {
-    case Verb::disable:
-    case Verb::halt:
-    case Verb::resume:
-    case Verb::home:
-    case Verb::move:
-    case Verb::arrive:
-    case Verb::velocity:
-    case Verb::jog:
-    case Verb::torque: return true;
-    default: return false;
-  }
-}
-
 struct Member {
   Axis402* axis;
   bool enabled = false;  // by the script; or by another program, and the script has moved it
@@ -249,11 +234,7 @@ class Runner {
       case Verb::move: move(step, axis, timeout); break;
       case Verb::arrive: arrive(axis, timeout); break;
       case Verb::velocity: axis.run_at(velocity_of(step), profile_of(step), timeout, options_.progress); break;
-      case Verb::jog:
-        axis.run_at(velocity_of(step), profile_of(step), time_of(step.timeout_s), options_.progress);
-        axis.hold_for(time_of(step.number("for").value_or(0)), options_.progress);
-        axis.stop();
-        break;
+      case Verb::jog: jog(step, axis); break;
       case Verb::torque: torque(step, axis, timeout); break;
       case Verb::arm_probe: axis.arm_probe(probe_of(step)); break;
       case Verb::wait_probe: return wait_probe(step, member, timeout);
@@ -290,6 +271,15 @@ class Runner {
     return {.velocity = unsigned_of(step, "velocity"),
             .acceleration = acceleration,
             .deceleration = deceleration ? deceleration : acceleration};
+  }
+
+  void jog(const Step& step, Axis402& axis) {
+    const std::int32_t velocity = velocity_of(step);
+    const Time end = now() + time_of(step.number("for").value_or(0));
+    axis.jog(profile_of(step), [&](const AxisStatus& present) -> std::optional<std::int32_t> {
+      if (options_.progress) options_.progress(present);
+      return now() < end ? std::optional(velocity) : std::nullopt;
+    });
   }
 
   HomingRequest homing_of(const Step& step) const {

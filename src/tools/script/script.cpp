@@ -37,6 +37,21 @@ ScriptMistakes::ScriptMistakes(const std::string& file, std::vector<Mistake> mis
 
 std::size_t Script::count_steps() const { return count(steps); }
 
+bool can_move(Verb verb) {
+  switch (verb) {
+    case Verb::disable:
+    case Verb::halt:
+    case Verb::resume:
+    case Verb::home:
+    case Verb::move:
+    case Verb::arrive:
+    case Verb::velocity:
+    case Verb::jog:
+    case Verb::torque: return true;
+    default: return false;
+  }
+}
+
 bool needs_axis(const Step& step) {
   switch (step.verb) {
     case Verb::set:

@@ -26,6 +26,29 @@ std::int64_t kvp_of(ObjectClient& objects, const catalogue::TuningDialect& diale
   return objects.read<std::uint16_t>(dialect.gains[0].object.index, dialect.gains[0].object.sub);
 }
 
+// Ends the motion if the axis is too far from where it was: a great inertia makes a slow ramp, and so a long way.
+class TravelLimit {
+ public:
+  TravelLimit(Axis402& axis, const AxisUnits& units, double revolutions)
+      : axis_(axis), units_(units), start_(axis.position()), revolutions_(revolutions) {}
+
+  void operator()(const AxisStatus& present) const {
+    const auto way =
+        static_cast<std::int32_t>(static_cast<std::uint32_t>(present.position) - static_cast<std::uint32_t>(start_));
+    const double turned = way / units_.position;
+    if (std::abs(turned) <= revolutions_) return;
+    throw MasterError(
+        fmt::format("the axis is {:.2f} revolutions from its start; the limit is {:g}", turned, revolutions_),
+        axis_.objects().where(), "allow more with --travel");
+  }
+
+ private:
+  Axis402& axis_;
+  AxisUnits units_;
+  std::int32_t start_;
+  double revolutions_;
+};
+
 // Moves back and forth until kvp has settled: it is the same after a whole cycle, and least_legs moves have been made.
 void learn_inertia(Axis402& axis, const catalogue::TuningDialect& dialect, const AxisUnits& units,
                    const OwnTuningOptions& options) {
@@ -35,10 +58,11 @@ void learn_inertia(Axis402& axis, const catalogue::TuningDialect& dialect, const
   const auto ramp = static_cast<std::uint32_t>(std::lround(acceleration_rps2 * units.acceleration));
   const MotionProfile profile{.acceleration = ramp, .deceleration = ramp};
   const Time end = objects.now() + std::chrono::duration_cast<Time>(std::chrono::duration<double>(options.seconds));
+  const TravelLimit within_travel(axis, units, options.travel_revolutions);
   std::int64_t kvp = kvp_of(objects, dialect);
   for (int leg = 0; objects.now() < end; ++leg) {
-    axis.run_at(leg % 2 == 0 ? speed : -speed, profile, std::chrono::seconds(5));
-    axis.hold_for(std::chrono::duration_cast<Time>(std::chrono::duration<double>(leg_s)));
+    axis.run_at(leg % 2 == 0 ? speed : -speed, profile, std::chrono::seconds(5), within_travel);
+    axis.hold_for(std::chrono::duration_cast<Time>(std::chrono::duration<double>(leg_s)), within_travel);
     if (options.progress)
       options.progress("identifying the inertia", std::min(1.0, static_cast<double>(leg) / least_legs));
     const std::int64_t now = kvp_of(objects, dialect);

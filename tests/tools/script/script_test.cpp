@@ -340,6 +340,13 @@ expect state != "operation enabled"
   EXPECT_THAT(said, testing::Contains(HasSubstr("6041 = ")));
 }
 
+TEST_P(ScriptRun, AJogEndsAfterItsTimeAlsoIfTheRampIsLonger) {
+  EXPECT_EQ(problem_of("units revolutions\nenable\njog 10 for 0.5 acceleration 5"), "");
+  EXPECT_GT(std::abs(shaft()), 0.4);
+  EXPECT_LT(std::abs(shaft()), 3.0) << "the ramp to the full velocity takes 2 s and 10 revolutions";
+  EXPECT_NEAR(speed(), 0, 0.02);
+}
+
 TEST_P(ScriptRun, WhatDoesNotHoldIsToldWithItsLineAndTheAxisStands) {
   EXPECT_THAT(problem_of("units revolutions\nenable\nvelocity 2 acceleration 50\nexpect position > 100 within 0.4"),
               testing::AllOf(HasSubstr("a.script:4:1: `expect position > 100 within 0.4`: position is "),

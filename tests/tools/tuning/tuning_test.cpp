@@ -391,6 +391,24 @@ TEST(OwnTuning, AnyExceptionStopsTheAxisAndRestoresTheGains) {
   }
 }
 
+// A great inertia makes the ramps of the moves long.
+TEST(OwnTuning, TheAxisStaysWithinItsTravel) {
+  AxisRig rig({"ismk"});
+  rig.drive().plant().set_load_inertia_kgm2(0.1);
+  Axis402 axis(rig.objects(), rig.options());
+  const double start = rig.shaft_counts();
+  const double turn = rig.drive().plant().parameters().encoder.counts_per_revolution;
+  const catalogue::TuningDialect& dialect = catalogue::product_of("ismk").tuning;
+  const auto before = read_gains(rig.objects(), dialect);
+  EXPECT_THAT(master::test::problem_of(
+                  [&] { tune_by_itself(axis, dialect, axis.units().value(), {.travel_revolutions = 1.0}); }),
+              HasSubstr("the limit is 1"));
+  EXPECT_LT(std::abs(rig.shaft_counts() - start) / turn, 3.0) << "the limit and the way to brake";
+  EXPECT_EQ(axis.state(), PowerState::switch_on_disabled);
+  const auto after = read_gains(rig.objects(), dialect);
+  for (std::size_t i = 0; i < before.size(); ++i) EXPECT_EQ(after[i].number, before[i].number) << i;
+}
+
 TEST(OwnTuning, ItSaysThatNothingWasMeasured) {
   AxisRig rig({"ismk"});
   Axis402 axis(rig.objects(), rig.options());
