@@ -145,10 +145,7 @@ std::string end_of_file(const std::filesystem::path& path) {
 // The name of the file with the traffic of a bus: "canopen-boot-up-late.can0.log".
 std::string capture_path(const std::filesystem::path& folder, const std::string& scenario_path, const std::string& bus,
                          std::string_view extension) {
-  const std::filesystem::path path(scenario_path);
-  const std::string place = path.parent_path().filename().string();
-  return (folder / fmt::format("{}{}{}.{}.{}", place, place.empty() ? "" : "-", path.stem().string(), bus, extension))
-      .string();
+  return (folder / fmt::format("{}.{}.{}", capture_name(scenario_path), bus, extension)).string();
 }
 
 void keep_traffic(line::LineServer& server, const TrialRun& trial, TrialResult& result) {
@@ -285,6 +282,12 @@ line::LineSettings load(const std::string& scenario_path, TrialResult& result) {
 }
 
 }  // namespace
+
+std::string capture_name(const std::string& scenario_path) {
+  const std::filesystem::path path(scenario_path);
+  const std::string folder = path.parent_path().filename().string();
+  return folder.empty() ? path.stem().string() : fmt::format("{}-{}", folder, path.stem().string());
+}
 
 TrialResult check_trial(const std::string& scenario_path) {
   TrialResult result;

@@ -19,6 +19,8 @@ struct TrialRun {
   links::Time after = std::chrono::seconds(3);  // time for which the line runs on after the master has ended
 };
 
+// The beginning of the names of a scenario's captures: "canopen-boot-up-late", of its folder and its file.
+std::string capture_name(const std::string& scenario_path);
 // Loads the scenario and tries it on its line, which does not run. If the scenario has an error, the result has a
 // reason.
 scenario::TrialResult check_trial(const std::string& scenario_path);

@@ -114,6 +114,15 @@ def test_the_traffic_around_a_failure_is_shown_in_words(tmp_path):
     assert "withhold sdo_answer" in page and f"servodrome sniff {capture}" in page
 
 
+def test_captures_of_two_scenarios_do_not_replace_each_other(tmp_path):
+    (tmp_path / "a/same").mkdir(parents=True)
+    (tmp_path / "b/same").mkdir(parents=True)
+    for folder in ("a", "b"):
+        (tmp_path / folder / "same/missing.toml").write_text(MISSING.replace("LINE", str(ROOT / "scenarios/lines/can.toml")))
+    done = trial(tmp_path, {}, ["true"], ["--keep", str(tmp_path / "kept")])
+    assert done.returncode == 2 and "a/same/missing.toml and " in done.stderr and "the same names" in done.stderr, done.stderr
+
+
 def test_a_master_that_leaves_its_axis_moving_is_told_so(tmp_path):
     master = [
         sys.executable,

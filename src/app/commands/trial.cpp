@@ -3,6 +3,7 @@
 #include <atomic>
 #include <filesystem>
 #include <fmt/format.h>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -147,6 +148,19 @@ void list(const std::vector<std::string>& files) {
   if (wrong > 0) throw Failure::did_not_work(fmt::format("{} of {} scenarios have errors", wrong, files.size()));
 }
 
+// The captures of two scenarios of one name in folders of one name would replace each other.
+void require_different_captures(const std::vector<std::string>& files) {
+  std::map<std::string, const std::string*> names;
+  for (const std::string& file : files) {
+    const auto [other, is_new] = names.emplace(capture_name(file), &file);
+    if (is_new) continue;
+    throw Failure::wrong_use(
+        fmt::format("--keep: the captures of {} and {} would have the same names; run them one after "
+                    "the other, into different folders",
+                    *other->second, file));
+  }
+}
+
 void run_minimise(const Options& options, const std::vector<std::string>& files) {
   if (files.size() != 1) {
     throw Failure::wrong_use(
@@ -193,6 +207,7 @@ void run(const Options& options) {
     throw Failure::wrong_use(
         "no master is given; write its command behind --: servodrome trial ... -- ./my-master {link}");
   }
+  if (!options.keep.empty()) require_different_captures(files);
   if (options.minimise) return run_minimise(options, files);
   for (const std::string* path : {&options.junit, &options.html}) {
     if (!path->empty()) require_writable(*path);
