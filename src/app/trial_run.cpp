@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <fstream>
 #include <functional>
+#include <nlohmann/json.hpp>
 
 #include "app/bus_links.hpp"
 #include "app/child_process.hpp"
@@ -142,6 +143,12 @@ std::string end_of_file(const std::filesystem::path& path) {
   return "...\n" + text.substr(begin);
 }
 
+// Bytes that are not UTF-8 become U+FFFD, because the reports are texts.
+std::string as_utf8(const std::string& bytes) {
+  const std::string text = nlohmann::json(bytes).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  return nlohmann::json::parse(text).get<std::string>();
+}
+
 // The name of the file with the traffic of a bus: "canopen-boot-up-late.can0.log".
 std::string capture_path(const std::filesystem::path& folder, const std::string& scenario_path, const std::string& bus,
                          std::string_view extension) {
@@ -247,7 +254,7 @@ void run(const TrialRun& trial, TrialResult& result, line::LineSettings settings
   }
   director.finish();
   result.uses_buses = true;
-  result.master_output = end_of_file(output);
+  result.master_output = as_utf8(end_of_file(output));
   const std::string reason = result.reason;
   record.complete(result, director);
   if (!reason.empty()) {

@@ -114,6 +114,16 @@ def test_the_traffic_around_a_failure_is_shown_in_words(tmp_path):
     assert "withhold sdo_answer" in page and f"servodrome sniff {capture}" in page
 
 
+def test_output_that_is_not_text_does_not_spoil_the_reports(tmp_path):
+    master = [sys.executable, "-c", "import sys; sys.stdout.buffer.write(b'caf\\xe9 \\x00\\x1b[31m <&\\n'); sys.exit(1)"]
+    scenarios, junit, html = tmp_path / "scenarios", tmp_path / "trial.xml", tmp_path / "trial.html"
+    scenarios.mkdir()
+    done = trial(scenarios, {"missing": MISSING}, master, ["--json", "--junit", str(junit), "--html", str(html)])
+    assert json.loads(done.stdout)[0]["output"] == "caf\ufffd \0\x1b[31m <&\n"
+    ET.parse(junit)
+    assert "caf\ufffd" in html.read_text(encoding="utf-8") and "&lt;&amp;" in html.read_text(encoding="utf-8")
+
+
 def test_captures_of_two_scenarios_do_not_replace_each_other(tmp_path):
     (tmp_path / "a/same").mkdir(parents=True)
     (tmp_path / "b/same").mkdir(parents=True)

@@ -13,6 +13,7 @@
 
 #include "app/commands.hpp"
 #include "app/interrupt_guard.hpp"
+#include "app/number_options.hpp"
 #include "app/temporary_folder.hpp"
 #include "app/trial_minimise.hpp"
 #include "app/trial_run.hpp"
@@ -264,7 +265,7 @@ void add_trial(CLI::App& app) {
   command->add_option("--jobs", options->jobs, "Number of trials that run at the same time, each with its own line")
       ->check(CLI::Range(1, 64));
   command->add_option("--after", options->after_s, "Seconds for which the line runs on after the master has ended")
-      ->check(CLI::Range(0.0, 60.0));
+      ->check(number_within(0.0, 60.0));
   command->add_option("--junit", options->junit, "Write the outcomes to this file, as JUnit XML");
   command->add_option("--html", options->html,
                       "Write a page with all outcomes, pictures of the shafts, and the traffic around failures");
