@@ -28,6 +28,7 @@ the master must get the axis back into operation; at the end, without disturbanc
   --hours H          line time (0.1)
   --seed N           of everything (1); the same seed gives the same run
   --axes N           number of axes (64)
+  --only-segment     all axes are on the EtherCAT segment
   --share S          of the frames, for each kind of disturbance (0.01)
   --power-every S    mean seconds between two power cuts of an axis (180)
   --cable-every S    mean seconds between two pulls of its cable (180)
@@ -184,6 +185,8 @@ int main(int argc, char** argv) {
       options.cable_every_s = value();
     } else if (option == "--recovery") {
       options.recovery_limit_s = value();
+    } else if (option == "--only-segment") {
+      options.only_segment = true;
     } else if (option == "--no-invariants") {
       options.watches = false;
     } else if (option == "--json") {

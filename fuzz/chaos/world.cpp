@@ -9,7 +9,7 @@ namespace {
 constexpr std::size_t most_findings = 100;
 
 // A quarter of the axes are EtherCAT slaves; the others are divided between the CAN buses.
-bool is_ethercat(std::size_t number) { return number % 4 == 3; }
+bool is_ethercat(const Options& options, std::size_t number) { return options.only_segment || number % 4 == 3; }
 
 }  // namespace
 
@@ -23,7 +23,7 @@ line::LineSettings World::settings(const Options& options, const std::vector<Var
   Random random(options.seed);
   motion::Sequence sequence;
   for (std::size_t i = 0; i < options.axes; ++i) {
-    chosen.push_back(random.of(is_ethercat(i) ? on_ethercat : on_can));
+    chosen.push_back(random.of(is_ethercat(options, i) ? on_ethercat : on_can));
     motion::AxisSetup setup;
     setup.product = variants[chosen.back()].product->name;
     setup.model = variants[chosen.back()].model;
@@ -47,8 +47,8 @@ World::World(const Options& options)
     Subject& subject = subjects_.emplace_back();
     subject.axis = line_->axes()[i].get();
     subject.variant = &variants_[chosen_[i]];
-    subject.bus = is_ethercat(i) ? segment : *subject.axis->settings().bus;
-    if (is_ethercat(i)) subject.place = place++;
+    subject.bus = is_ethercat(options, i) ? segment : *subject.axis->settings().bus;
+    if (is_ethercat(options, i)) subject.place = place++;
     subject.around.quiet_bus = false;  // frames are lost, so no deadline applies to answers on the bus
     subject.record.waits_since = Time{0};
   }

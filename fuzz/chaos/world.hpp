@@ -26,6 +26,7 @@ inline constexpr std::size_t segment = can_buses;  // number of the EtherCAT seg
 struct Options {
   std::uint64_t seed = 1;
   std::size_t axes = 64;
+  bool only_segment = false;  // all axes are EtherCAT slaves
   double hours = 0.1;
   double share = 0.01;             // of the frames that are dropped; as many are doubled, corrupted and delayed
   double power_cut_every_s = 180;  // mean time between two power cuts of an axis

@@ -280,6 +280,17 @@ TEST_F(MotionOfSimulatedDrives, AFaultWhileDisablingDoesNotKeepTheOthersEnabled)
   }
 }
 
+// As after a restart of the program: the group has not run a cycle yet, and so has not read the states of its drives.
+TEST(BeginOfAMotionGroup, AResetFindsFaultsFromBefore) {
+  SimulatedBus bus{3};
+  bus.drive(1).break_down(0x8130);
+  MotionGroup group(bus);
+  group.reset_faults(100ms);
+  EXPECT_EQ(bus.drive(1).state, PowerState::switch_on_disabled);
+  group.enable();
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(bus.drive(i).state, PowerState::operation_enabled) << i;
+}
+
 TEST_F(MotionOfSimulatedDrives, AResetThatFailsDoesNotGoOn) {
   group.enable();
   bus.drive(0).stays_broken = true;

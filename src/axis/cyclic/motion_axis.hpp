@@ -72,6 +72,8 @@ class MotionAxis {
   // Ends a reset that is not done.
   void cancel_reset();
   bool is_resetting() const { return resetting_; }
+  // True after the first cycle whose inputs were received: state, fault and position are those of the drive.
+  bool has_read_inputs() const { return has_position_; }
 
   // ---- Commands; ignored unless the axis is enabled. False if not accepted: see SetPointGenerator ----
   bool move_to(double target, double end_velocity, const MotionLimits& limits,

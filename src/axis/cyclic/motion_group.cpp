@@ -116,6 +116,10 @@ void MotionGroup::disable(const MotionLimits& limits, Time timeout) {
 }
 
 void MotionGroup::reset_faults(Time timeout) {
+  const Time end = bus_.now() + timeout;
+  // Before its first cycle a group does not know the faults of its drives.
+  const auto has_read = [](const MotionAxis& axis) { return axis.has_read_inputs(); };
+  run_until([&] { return std::all_of(axes_.begin(), axes_.end(), has_read); }, timeout, [] {});
   for (MotionAxis& axis : axes_) {
     if (axis.fault() != AxisFault::none) axis.reset_fault();
   }
@@ -127,7 +131,8 @@ void MotionGroup::reset_faults(Time timeout) {
     }
   } const cancel{axes_};
   const auto sound = [](const MotionAxis& axis) { return axis.fault() == AxisFault::none; };
-  if (wait_until([&] { return std::all_of(axes_.begin(), axes_.end(), sound); }, timeout)) return;
+  const Time left = std::max(end - bus_.now(), bus_.period());
+  if (wait_until([&] { return std::all_of(axes_.begin(), axes_.end(), sound); }, left)) return;
   MotionAxis& late = *std::find_if_not(axes_.begin(), axes_.end(), sound);
   throw MasterError(fmt::format("the fault cannot be reset: {}", description_of_fault(late)), late.axis().where(),
                     "remove its cause; some faults need power off and on");
