@@ -365,7 +365,11 @@ test('STOP drops a number that is typed half', async ({ page, open, line }) => {
 test('an open list of the guide stays open while the answers about the drive arrive', async ({ page, open }) => {
   const [objects, units] = [await hold(page, 'GET', '**/api/v1/axes/reference/objects'), await hold(page, 'GET', '**/api/v1/axes/reference/units')];
   await open('/commission/reference?step=homing');
-  await page.getByRole('button', { name: /Method/ }).click();
+  // A list closes when the page scrolls. So the page is scrolled before the click, and not by it.
+  const method = page.getByRole('button', { name: /Method/ });
+  await method.scrollIntoViewIfNeeded();
+  await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
+  await method.click();
   const list = page.getByRole('listbox', { name: 'Method' });
   await expect(list).toBeVisible();
   await objects.release();
