@@ -119,3 +119,21 @@ def test_an_axis_that_the_script_only_reads_does_not_monitor_the_script(line, tm
     finally:
         other.terminate()
         other.wait(60)
+
+
+def test_an_enable_after_a_restart_of_the_drive_renews_the_watch(line, tmp_path):
+    script = tmp_path / "restart.script"
+    script.write_text("axis a 1\na enable\na disable\nprint switched-off\nwait 3\na enable\nwait 60\n")
+    process = subprocess.Popen(
+        [PROGRAM, "run", "--bus", line.links["can0"][0], str(script)], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        while "switched-off" not in process.stdout.readline():
+            assert process.poll() is None
+        line.bench.post("axes/ismc/power", {"action": "off"})
+        line.bench.post("axes/ismc/power", {"action": "on"})
+        wait_for(lambda: line.bench.axis("ismc")["state"] == "operation enabled", "the second enable")
+        assert line.bench.get("axes/ismc/objects/1016/1")["value"] != 0
+    finally:
+        process.kill()
+        process.wait()

@@ -117,7 +117,7 @@ using CatalogueOf = std::function<const ObjectCatalogue*(const std::string& prod
 Script parse(std::string_view text, const std::string& file, const ObjectCatalogue& catalogue,
              const CatalogueOf& catalogue_of = {});
 
-// True for the commands that act only on an enabled axis.
+// True for the commands after which an axis that another program has enabled counts as moved by the script.
 bool can_move(Verb verb);
 // True if the step uses the axis beyond reading and writing objects, for example its controlword or position.
 bool needs_axis(const Step& step);
