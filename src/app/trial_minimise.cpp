@@ -74,18 +74,8 @@ class Minimiser {
     run.folder = temporary_.path() / std::to_string(job);
     fs::remove_all(run.folder);
     fs::create_directory(run.folder);
-    std::string moved;
-    std::string_view rest = text;
-    while (!rest.empty()) {
-      const std::size_t end = std::min(rest.find('\n'), rest.size());
-      const std::string_view one = rest.substr(0, end);
-      rest.remove_prefix(std::min(end + 1, rest.size()));
-      moved += one.starts_with("line =") || one.starts_with("line=")
-                   ? fmt::format("line = {}\n", line::toml_quoted(line_))
-                   : fmt::format("{}\n", one);
-    }
     const std::string path = (run.folder / fs::path(path_).filename()).string();
-    write_whole_file(path, moved);
+    write_whole_file(path, scenario::with_line(text, line_));
     ++runs_;
     return run_trial(run, path);
   }
@@ -93,9 +83,7 @@ class Minimiser {
   // The draws depend on the seed and the names of the rules. The smaller files state both, so that a rule draws the
   // same when another one is left out.
   void fix_draws() {
-    text_ = scenario::with_names(text_);
-    if (text_.starts_with("seed") || text_.find("\nseed") != std::string::npos) return;
-    text_ = fmt::format("seed = {}\n{}", scenario::load_scenario(path_).scenario.seed, text_);
+    text_ = scenario::with_seed(scenario::with_names(text_), scenario::load_scenario(path_).scenario.seed);
   }
 
   bool is_valid(const std::string& text) const { return scenario::parse_scenario(text, path_).diagnostics.empty(); }

@@ -9,6 +9,7 @@
 
 #include "line/toml_text.hpp"
 #include "links/disturbance_generator.hpp"
+#include "scenario/document.hpp"
 #include "scenario/parse.hpp"
 
 namespace servodrome::scenario {
@@ -28,42 +29,27 @@ Source source_of(const std::string& path) {
           std::string(std::istreambuf_iterator<char>(stream), {})};
 }
 
-void replace_all(std::string& text, const std::string& from, const std::string& to) {
-  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size())) {
-    text.replace(at, from.size(), to);
+// Puts the name of the file before the names of rules that conditions refer to.
+void rename_references(toml::table& table, const std::string& stem) {
+  for (auto&& [key, node] : table) {
+    if (toml::table* inner = node.as_table()) rename_references(*inner, stem);
+    if (auto* name = node.as_string(); name != nullptr && key.str() == "after")
+      *name = fmt::format("{}: {}", stem, **name);
   }
 }
 
-// The name of the rule in the new scenario, as a string of TOML.
-std::string name_of(const Source& source, const Rule& rule) {
-  return line::toml_quoted(fmt::format("{}: {}", source.stem, rule.name));
-}
-
-// The lines of all rules, with names that begin with the name of the file.
+// The text of all rules, with names that begin with the name of the file.
 std::string rules_of(const Source& source) {
-  std::string rules;
-  bool inside = false;
-  std::size_t number = 0;
-  std::string_view rest = source.text;
-  while (!rest.empty()) {
-    const std::size_t end = std::min(rest.find('\n'), rest.size());
-    std::string text(rest.substr(0, end));
-    rest.remove_prefix(std::min(end + 1, rest.size()));
-    if (text.starts_with('[')) {
-      inside = text.starts_with("[[rule]]");
-      if (inside) {
-        rules += fmt::format("\n[[rule]]\nname = {}\n", name_of(source, source.scenario.rules.at(number++)));
-        continue;
-      }
-    }
-    if (!inside || text.empty() || text.starts_with('#') || text.starts_with("name =")) continue;
-    for (const Rule& rule : source.scenario.rules) {
-      replace_all(text, fmt::format("after = {}", line::toml_quoted(rule.name)),
-                  fmt::format("after = {}", name_of(source, rule)));
-    }
-    rules += text + "\n";
+  toml::table document = table_of(source.text);
+  const std::vector<toml::table*> rules = tables_at(document, "rule");
+  for (std::size_t i = 0; i < rules.size(); ++i) {
+    rename_references(*rules[i], source.stem);
+    rules[i]->insert_or_assign("name", fmt::format("{}: {}", source.stem, source.scenario.rules.at(i).name));
   }
-  return rules;
+  for (const std::string_view key : keys_in_order(document)) {
+    if (key != "rule") document.erase(key);
+  }
+  return text_of(document);
 }
 
 }  // namespace

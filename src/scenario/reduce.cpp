@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <fmt/format.h>
-#include <fmt/ranges.h>
-#include <optional>
 #include <string_view>
+
+#include "line/toml_text.hpp"
+#include "scenario/document.hpp"
 
 namespace servodrome::scenario {
 namespace {
@@ -24,189 +24,124 @@ struct Halved {
 constexpr std::array<Halved, 6> halved{
     {{"times", 1}, {"copies", 1}, {"for_ms", 1}, {"ms", 1}, {"gap_ms", 0.1}, {"late_ms", 1}}};
 
-// The lines from a heading ("[[rule]]") up to the next one. The first block has none.
-struct Block {
-  std::vector<std::string> lines;
-
-  bool is(std::string_view heading) const { return !lines.empty() && lines.front().starts_with(heading); }
-};
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
-  while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) text.remove_suffix(1);
-  return text;
+// A copy of a table loses the order of its keys, so the text is read again for each change.
+template <typename Edit>
+std::string changed(const std::string& text, Edit edit) {
+  toml::table document = table_of(text);
+  edit(document);
+  return text_of(document);
 }
 
-std::string_view key_of(std::string_view line) {
-  const std::size_t equals = line.find('=');
-  return equals == std::string_view::npos ? std::string_view() : trimmed(line.substr(0, equals));
-}
-
-std::string_view value_of(std::string_view line) { return trimmed(line.substr(line.find('=') + 1)); }
-
-std::vector<Block> blocks_of(std::string_view text) {
-  std::vector<Block> blocks(1);
-  while (!text.empty()) {
-    const std::size_t end = std::min(text.find('\n'), text.size());
-    const std::string_view line = text.substr(0, end);
-    text.remove_prefix(std::min(end + 1, text.size()));
-    if (line.starts_with('[')) blocks.emplace_back();
-    blocks.back().lines.emplace_back(line);
-  }
-  return blocks;
-}
-
-std::string text_of(const std::vector<Block>& blocks) {
-  std::string text;
-  for (const Block& block : blocks) {
-    for (const std::string& line : block.lines) text += line + "\n";
-  }
-  return text;
-}
-
-std::string name_of(const Block& block) {
-  for (const std::string& line : block.lines) {
-    if (key_of(line) == "name") return std::string(value_of(line));
-  }
-  return "without a name";
-}
-
-// The parts of an inline table, "{ a = 1, b = { c = 2 } }", at its own level.
-std::vector<std::string> parts_of(std::string_view table) {
-  std::vector<std::string> parts;
-  if (table.size() < 2 || table.front() != '{' || table.back() != '}') return parts;
-  std::string part;
-  int depth = 0;
-  bool quoted = false;
-  for (const char c : table.substr(1, table.size() - 2)) {
-    if (c == '"') quoted = !quoted;
-    if (!quoted && (c == '{' || c == '[')) ++depth;
-    if (!quoted && (c == '}' || c == ']')) --depth;
-    if (c == ',' && depth == 0 && !quoted) {
-      parts.emplace_back(trimmed(part));
-      part.clear();
-    } else {
-      part += c;
-    }
-  }
-  if (!trimmed(part).empty()) parts.emplace_back(trimmed(part));
-  return parts;
-}
-
-std::optional<double> number_in(std::string_view line) {
-  const std::string value(value_of(line));
-  char* end = nullptr;
-  const double number = std::strtod(value.c_str(), &end);
-  const bool is_number = end != value.c_str() && (*end == '\0' || *end == ' ' || *end == '#');
-  return is_number ? std::optional(number) : std::nullopt;
+std::string name_of(const toml::table& rule) {
+  const auto name = rule["name"].value<std::string_view>();
+  return name ? line::toml_quoted(*name) : "without a name";
 }
 
 class Reducer {
  public:
-  explicit Reducer(const std::string& text) : blocks_(blocks_of(text)) {}
+  explicit Reducer(const std::string& text) : text_(text), document_(table_of(text)) {}
 
   std::vector<Reduction> all(const std::string& kept) {
     without_other_expectations(kept);
-    const auto rules =
-        std::count_if(blocks_.begin(), blocks_.end(), [](const Block& one) { return one.is("[[rule]]"); });
-    for (std::size_t i = 0; i < blocks_.size() && rules > 1; ++i) {
-      if (!blocks_[i].is("[[rule]]")) continue;
-      std::vector<Block> fewer = blocks_;
-      fewer.erase(fewer.begin() + static_cast<std::ptrdiff_t>(i));
-      add(fmt::format("without the rule {}", name_of(blocks_[i])), fewer);
+    const std::vector<toml::table*> rules = tables_at(document_, "rule");
+    for (std::size_t i = 0; i < rules.size() && rules.size() > 1; ++i) {
+      add(fmt::format("without the rule {}", name_of(*rules[i])), [i](toml::table& document) {
+        toml::array& all = *document["rule"].as_array();
+        all.erase(all.begin() + static_cast<std::ptrdiff_t>(i));
+      });
     }
-    for (std::size_t i = 0; i < blocks_.size(); ++i) {
-      if (blocks_[i].is("[[rule]]")) reduce_rule(i);
-      if (i == 0 || blocks_[i].is("[[rule]]")) shorten(i);
+    for (std::size_t i = 0; i < rules.size(); ++i) {
+      reduce(i, *rules[i]);
+      shorten(i, *rules[i]);
     }
     return std::move(found_);
   }
 
  private:
-  void add(const std::string& what, const std::vector<Block>& blocks) { found_.push_back({what, text_of(blocks)}); }
+  template <typename Edit>
+  void add(const std::string& what, Edit edit) {
+    found_.push_back({what, changed(text_, edit)});
+  }
+
+  // `edit` gets the rule number `place`.
+  template <typename Edit>
+  void add(std::size_t place, const std::string& what, Edit edit) {
+    add(fmt::format("the rule {} {}", name_of(*tables_at(document_, "rule")[place]), what),
+        [&](toml::table& document) { edit(*tables_at(document, "rule")[place]); });
+  }
 
   void without_other_expectations(const std::string& kept) {
-    std::vector<Block> fewer = blocks_;
-    const auto erased = std::erase_if(fewer, [&kept](const Block& block) {
-      return block.is("[[expect]]") && name_of(block) != fmt::format("\"{}\"", kept);
+    const auto is_other = [&kept](const toml::node& node) {
+      const toml::table* expectation = node.as_table();
+      return expectation != nullptr && (*expectation)["name"].value<std::string_view>() != kept;
+    };
+    const toml::array* expectations = document_["expect"].as_array();
+    if (expectations == nullptr || std::none_of(expectations->begin(), expectations->end(), is_other)) return;
+    add("without the other expectations", [&is_other](toml::table& document) {
+      toml::array& all = *document["expect"].as_array();
+      for (std::size_t i = all.size(); i-- > 0;) {
+        if (is_other(all[i])) all.erase(all.begin() + static_cast<std::ptrdiff_t>(i));
+      }
+      if (all.empty()) document.erase("expect");
     });
-    if (erased > 0) add("without the other expectations", fewer);
   }
 
-  void replace(std::size_t block, std::size_t line, const std::string& what, std::optional<std::string> by) {
-    std::vector<Block> changed = blocks_;
-    auto& lines = changed[block].lines;
-    if (by) {
-      lines[line] = *by;
-    } else {
-      lines.erase(lines.begin() + static_cast<std::ptrdiff_t>(line));
-    }
-    const std::string of = block == 0 ? "" : fmt::format("the rule {} ", name_of(blocks_[block]));
-    add(of + what, changed);
-  }
-
-  void reduce_rule(std::size_t block) {
-    bool has_times = false;
-    bool has_messages = false;
-    for (std::size_t i = 0; i < blocks_[block].lines.size(); ++i) {
-      const std::string& line = blocks_[block].lines[i];
-      const std::string key(key_of(line));
-      has_times = has_times || key == "times";
-      has_messages = has_messages || key == "on";
-      if (std::find(droppable.begin(), droppable.end(), key) != droppable.end()) {
-        replace(block, i, "without " + key, std::nullopt);
-      }
-      if (key != "when") continue;
-      const std::vector<std::string> parts = parts_of(value_of(line));
-      for (std::size_t n = 0; n < parts.size() && parts.size() > 1; ++n) {
-        std::vector<std::string> fewer = parts;
-        fewer.erase(fewer.begin() + static_cast<std::ptrdiff_t>(n));
-        replace(block, i, "without when." + std::string(key_of(parts[n])),
-                fmt::format("when = {{ {} }}", fmt::join(fewer, ", ")));
+  void reduce(std::size_t place, const toml::table& rule) {
+    for (const std::string_view key : keys_in_order(rule)) {
+      if (std::find(droppable.begin(), droppable.end(), key) == droppable.end()) continue;
+      add(place, fmt::format("without {}", key), [key](toml::table& changing) { changing.erase(key); });
+      const toml::table* conditions = rule["when"].as_table();
+      if (key != "when" || conditions == nullptr || conditions->size() < 2) continue;
+      for (const std::string_view part : keys_in_order(*conditions)) {
+        add(place, fmt::format("without when.{}", part),
+            [part](toml::table& changing) { changing["when"].as_table()->erase(part); });
       }
     }
-    if (has_times || !has_messages) return;
-    std::vector<Block> changed = blocks_;
-    auto& lines = changed[block].lines;
-    lines.insert(lines.begin() + 1, "times = 1");
-    add(fmt::format("the rule {} with times = 1", name_of(blocks_[block])), changed);
+    if (rule.contains("times") || !rule.contains("on")) return;
+    add(place, "with times = 1", [](toml::table& changing) { changing.insert_or_assign("times", 1); });
   }
 
-  void shorten(std::size_t block) {
-    for (std::size_t i = 0; i < blocks_[block].lines.size(); ++i) {
-      const std::string& line = blocks_[block].lines[i];
-      const auto one =
-          std::find_if(halved.begin(), halved.end(), [&](const Halved& h) { return h.key == key_of(line); });
+  void shorten(std::size_t place, const toml::table& rule) {
+    for (const std::string_view key : keys_in_order(rule)) {
+      const auto one = std::find_if(halved.begin(), halved.end(), [key](const Halved& its) { return its.key == key; });
       if (one == halved.end()) continue;
-      const auto number = number_in(line);
+      const auto number = rule[key].value<double>();
       if (!number || *number <= one->least) continue;
-      const bool whole = line.find('.') == std::string::npos;
+      const bool whole = rule[key].is_integer() && one->least >= 1.0;
       const double half = whole ? std::floor(*number / 2) : *number / 2;
       for (const double smaller : {one->least, std::max(half, one->least)}) {
-        const std::string by = fmt::format("{} = {:g}", one->key, smaller);
-        replace(block, i, "with " + by, by);
+        add(place, fmt::format("with {} = {:g}", key, smaller), [&](toml::table& changing) {
+          if (whole) {
+            *changing[key].as_integer() = std::llround(smaller);
+          } else {
+            changing.insert_or_assign(key, smaller);
+          }
+        });
         if (smaller >= half) break;
       }
     }
   }
 
-  std::vector<Block> blocks_;
+  std::string text_;
+  toml::table document_;
   std::vector<Reduction> found_;
 };
 
 }  // namespace
 
 std::string with_names(const std::string& text) {
-  std::vector<Block> blocks = blocks_of(text);
-  unsigned number = 0;
-  for (Block& block : blocks) {
-    if (!block.is("[[rule]]")) continue;
-    ++number;
-    const bool has_name =
-        std::any_of(block.lines.begin(), block.lines.end(), [](const auto& line) { return key_of(line) == "name"; });
-    if (!has_name) block.lines.insert(block.lines.begin() + 1, fmt::format("name = \"rule {}\"", number));
-  }
-  return text_of(blocks);
+  return changed(text, [](toml::table& document) {
+    unsigned number = 0;
+    for (toml::table* rule : tables_at(document, "rule")) rule->insert("name", fmt::format("rule {}", ++number));
+  });
+}
+
+std::string with_line(const std::string& text, const std::string& line) {
+  return changed(text, [&line](toml::table& document) { document.insert_or_assign("line", line); });
+}
+
+std::string with_seed(const std::string& text, std::uint64_t seed) {
+  return changed(text, [seed](toml::table& document) { document.insert("seed", static_cast<std::int64_t>(seed)); });
 }
 
 std::vector<Reduction> reductions(const std::string& text, const std::string& kept) { return Reducer(text).all(kept); }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -11,12 +12,18 @@ struct Reduction {
   std::string text;
 };
 
-// The same text, in which each rule states its name: a rule without one has a name by its place.
+// All functions throw std::runtime_error if the text is not valid TOML. Their results have no comments.
+
+// The same scenario, in which each rule states its name: a rule without one has a name by its place.
 std::string with_names(const std::string& text);
+
+// The same scenario with this line file; with this seed, unless it states one.
+std::string with_line(const std::string& text, const std::string& line);
+std::string with_seed(const std::string& text, std::uint64_t seed);
 
 // Ways to make a scenario smaller by one step, the largest steps first: without a rule, without the expectations except
 // `kept`, without a condition or a random value, with fewer acts, with shorter times. A text may be invalid: the parser
-// decides. In the file each rule, expectation and key must be on lines of its own, as in the library.
+// decides.
 std::vector<Reduction> reductions(const std::string& text, const std::string& kept);
 
 }  // namespace servodrome::scenario

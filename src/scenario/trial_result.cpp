@@ -69,7 +69,7 @@ void judge(TrialResult& result) {
                                   result.was_silent ? "it sent anything" : "any rule acted");
     } else {
       result.reason = result.was_silent ? "the master sent nothing on the bus"
-                                        : "no rule has acted: the master did not do what the scenario waits for";
+                                        : "no rule has acted: nothing happened that a rule waits for";
     }
     return;
   }

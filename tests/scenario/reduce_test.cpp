@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <set>
 
+#include "scenario/document.hpp"
 #include "scenario/random_scenario.hpp"
 #include "scenario/support.hpp"
 #include "source_dir.hpp"
@@ -17,7 +20,7 @@ TEST(Reductions, StartFromRulesWithNames) {
   const std::string text =
       "title = \"t\"\n[[rule]]\ndo = \"power\"\n[[rule]]\nname = \"own\"\n[[rule]]\ndo = \"cable\"\n";
   EXPECT_EQ(with_names(text),
-            "title = \"t\"\n[[rule]]\nname = \"rule 1\"\ndo = \"power\"\n[[rule]]\nname = \"own\"\n"
+            "title = \"t\"\n\n[[rule]]\nname = \"rule 1\"\ndo = \"power\"\n\n[[rule]]\nname = \"own\"\n\n"
             "[[rule]]\nname = \"rule 3\"\ndo = \"cable\"\n");
 }
 
@@ -68,6 +71,74 @@ TEST(Reductions, TheLargestStepsComeFirst) {
       "the rule \"second\" with times = 1",    "the rule \"second\" with times = 4",
   };
   EXPECT_EQ(steps(big), expected);
+}
+
+// The notation of TOML does not matter: indented and aligned lines, dotted keys, arrays over several lines, comments.
+TEST(Reductions, AreTheSameForAnyNotation) {
+  const std::string other = R"(title       = 'big'
+line        = 'can.toml'   # not [[rule]]
+seed        = 3
+duration_s  = 20
+
+  [[ rule ]]
+    name                   = 'first'
+    when.state             = "operation_enabled"
+    when.speed_above_rpm   = 60
+    on                     = { message = "sdo_answer", object = "6041" }
+    do                     = "delay"
+    ms = 40 # name = "third"
+    jitter_ms = 5
+    chance = 0.5
+    skip = 2
+  [[ rule ]]
+    name = """second"""
+    on = { message = "heartbeat" }
+    do = "withhold"
+    times = 9
+
+  [[ expect ]]
+  name = "kept"
+  always = { at_rest = true }
+  [[ expect ]]
+  name = "other"
+  always.powered = true
+)";
+  const std::vector<Reduction> expected = reductions(big, "kept");
+  const std::vector<Reduction> found = reductions(other, "kept");
+  ASSERT_EQ(found.size(), expected.size());
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    EXPECT_EQ(found[i].what, expected[i].what);
+    EXPECT_EQ(found[i].text, expected[i].text);
+  }
+}
+
+TEST(Reductions, OfATextThatIsNoTomlAreRefused) { EXPECT_THROW(reductions("title = ", "kept"), std::runtime_error); }
+
+// What the library's files state survives reading and writing.
+TEST(Reductions, WriteEveryFileOfTheLibrary) {
+  unsigned files = 0;
+  for (const auto& entry :
+       std::filesystem::recursive_directory_iterator(std::filesystem::path(SERVODROME_SOURCE_DIR) / "scenarios")) {
+    if (entry.path().extension() != ".toml") continue;
+    const std::string path = entry.path().string();
+    std::ifstream stream(path);
+    const std::string text(std::istreambuf_iterator<char>(stream), {});
+    if (text.find("[[rule]]") == std::string::npos) continue;
+    SCOPED_TRACE(path);
+    const toml::table read = table_of(text);
+    const std::string written = text_of(read);
+    EXPECT_EQ(table_of(written), read);
+    EXPECT_TRUE(parse_scenario(written, path).diagnostics.empty()) << written;
+    ++files;
+  }
+  EXPECT_GT(files, 200U);
+}
+
+// Line and seed are set, wherever and however the file states them.
+TEST(Reductions, SetLineAndSeed) {
+  EXPECT_EQ(with_line("line   = 'a.toml'\ntitle = \"t\"\n", "/b c.toml"), "line = \"/b c.toml\"\ntitle = \"t\"\n");
+  EXPECT_EQ(with_seed("title = \"t\"\n", 7), "seed = 7\ntitle = \"t\"\n");
+  EXPECT_EQ(with_seed("title = \"t\"\n seed=0x10\n", 7), "title = \"t\"\nseed = 0x10\n");
 }
 
 // A master that is only slow would fail in less time.

@@ -36,7 +36,7 @@ std::span<const std::uint8_t> data_of(const Frame& frame) {
 
 }  // namespace
 
-CanDecoder::CanDecoder() : standard_(std::make_shared<DeviceModel>()) {}
+CanDecoder::CanDecoder() : standard_(DeviceModel::standard()) {}
 
 void CanDecoder::set_model(std::uint8_t node_id, DeviceModel model) {
   models_[node_id] = std::make_shared<const DeviceModel>(std::move(model));

@@ -46,7 +46,7 @@ std::uint32_t signature(const Datagram& datagram) {
 
 }  // namespace
 
-EthercatDecoder::EthercatDecoder() : standard_(std::make_shared<DeviceModel>()) {}
+EthercatDecoder::EthercatDecoder() : standard_(DeviceModel::standard()) {}
 
 void EthercatDecoder::set_model(unsigned position, DeviceModel model) {
   models_[position] = std::make_shared<const DeviceModel>(std::move(model));

@@ -23,7 +23,7 @@ constexpr std::uint8_t tcp_syn = 0x02;
 
 }  // namespace
 
-ModbusTcpDecoder::ModbusTcpDecoder() : standard_(std::make_shared<SerialModel>()) {}
+ModbusTcpDecoder::ModbusTcpDecoder() : standard_(SerialModel::standard()) {}
 
 void ModbusTcpDecoder::set_model(unsigned unit, SerialModel model) {
   models_[unit] = std::make_shared<const SerialModel>(std::move(model));

@@ -182,6 +182,11 @@ void of_wrong_length(Decoded& decoded) {
 
 }  // namespace
 
+const std::shared_ptr<const SerialModel>& SerialModel::standard() {
+  static const auto model = std::make_shared<const SerialModel>(SerialModel{.catalogue = ObjectCatalogue::standard()});
+  return model;
+}
+
 SerialModel SerialModel::of(std::span<const dictionary::Entry> table, std::span<const Register> registers,
                             const modbus::Profile* profile, std::string_view product) {
   SerialModel model;

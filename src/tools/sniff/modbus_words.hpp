@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -13,12 +14,14 @@ namespace servodrome::master {
 
 // Model of a drive on a serial line: its objects and their registers.
 struct SerialModel {
-  ObjectCatalogue catalogue = ObjectCatalogue::standard();
+  ObjectCatalogue catalogue;
   std::vector<modbus::Register> registers{};  // sorted by address; empty: registers have no names
   modbus::WordOrder word_order = modbus::WordOrder::high_word_first;
   unsigned registers_per_object_at_least = 1;
   std::vector<modbus::ErrorFunction> error_functions{};
 
+  // The objects of CiA 301 and CiA 402, without registers. All decoders share it.
+  static const std::shared_ptr<const SerialModel>& standard();
   static SerialModel of(std::span<const dictionary::Entry> table, std::span<const modbus::Register> registers,
                         const modbus::Profile* profile, std::string_view product = {});
 };

@@ -94,6 +94,11 @@ std::optional<std::vector<MappedField>> PdoObjects::assigned(std::uint16_t assig
   return all;
 }
 
+const std::shared_ptr<const DeviceModel>& DeviceModel::standard() {
+  static const auto model = std::make_shared<const DeviceModel>(DeviceModel{ObjectCatalogue::standard(), {}});
+  return model;
+}
+
 DeviceModel DeviceModel::of(const describe::DeviceFile& device) {
   DeviceModel model{ObjectCatalogue::of(device), {}};
   for (const describe::FileEntry& entry : device.entries) {

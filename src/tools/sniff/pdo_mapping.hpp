@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <span>
 
 #include "tools/sniff/decoded.hpp"
@@ -54,7 +55,7 @@ class PdoObjects {
 
 // Prior knowledge about a device: names of its objects and its default PDOs.
 struct DeviceModel {
-  ObjectCatalogue catalogue = ObjectCatalogue::standard();
+  ObjectCatalogue catalogue;
   struct Default {
     ObjectAddress object;
     std::uint32_t value;
@@ -62,6 +63,8 @@ struct DeviceModel {
   };
   std::vector<Default> pdo_defaults;
 
+  // The objects of CiA 301 and CiA 402, without default PDOs. All decoders share it.
+  static const std::shared_ptr<const DeviceModel>& standard();
   static DeviceModel of(const describe::DeviceFile& device);
   static DeviceModel of(std::span<const dictionary::Entry> table, std::string_view product = {});
   PdoObjects pdo_objects(std::uint8_t node_id) const;

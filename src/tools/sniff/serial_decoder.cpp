@@ -91,7 +91,7 @@ bool is_serial10_command(std::uint8_t byte) {
 
 }  // namespace
 
-SerialDecoder::SerialDecoder() : standard_(std::make_shared<SerialModel>()) {}
+SerialDecoder::SerialDecoder() : standard_(SerialModel::standard()) {}
 
 void SerialDecoder::set_model(unsigned station, SerialModel model) {
   models_[station] = std::make_shared<const SerialModel>(std::move(model));
