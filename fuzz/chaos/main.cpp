@@ -33,6 +33,7 @@ the master must get the axis back into operation; at the end, without disturbanc
   --power-every S    mean seconds between two power cuts of an axis (180)
   --cable-every S    mean seconds between two pulls of its cable (180)
   --recovery S       seconds after a disturbance, within which an axis must be in operation (60)
+  --rest-stride N    of an axis at rest, checks the invariants after every Nth tick only: faster (1)
   --no-invariants    does not check the invariants: faster
   --json             the result as one JSON document
   --quiet            no progress
@@ -97,6 +98,7 @@ nlohmann::json report(World& world, const Mischief& mischief, double seconds) {
           {"segment_restarts", world.restarts},
           {"can_groups", world.groups},
           {"invariants", options.watches},
+          {"rest_stride", options.rest_stride},
           {"errors_of_masters", world.errors()},
           {"finding_count", world.finding_count()},
           {"findings", world.findings()}};
@@ -185,6 +187,8 @@ int main(int argc, char** argv) {
       options.cable_every_s = value();
     } else if (option == "--recovery") {
       options.recovery_limit_s = value();
+    } else if (option == "--rest-stride") {
+      options.rest_stride = static_cast<std::int64_t>(value());
     } else if (option == "--only-segment") {
       options.only_segment = true;
     } else if (option == "--no-invariants") {
@@ -201,6 +205,7 @@ int main(int argc, char** argv) {
     }
   }
   if (options.axes < 1 || options.axes > 127) refuse("--axes: 1 .. 127");
+  if (options.rest_stride < 1 || options.rest_stride > 16) refuse("--rest-stride: 1 .. 16");
   if (options.share > 0.2) refuse("--share: 0 .. 0.2");
   std::signal(SIGINT, [](int) { interrupted = 1; });
   std::signal(SIGTERM, [](int) { interrupted = 1; });

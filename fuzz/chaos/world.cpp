@@ -1,7 +1,9 @@
 #include "world.hpp"
 
+#include <cmath>
 #include <cstdio>
 #include <fmt/format.h>
+#include <utility>
 
 namespace servodrome::chaos {
 namespace {
@@ -57,12 +59,36 @@ World::World(const Options& options)
   }
 }
 
+// True if for a while nothing about the axis has changed, and neither shaft nor demand moves.
+bool World::rests(Subject& subject) const {
+  constexpr std::int64_t settling = ticks_per_s / 20;
+  constexpr double still_rpm = 3.0;
+  const drive::Drive& drive = subject.axis->device().drive();
+  const drive::Objects& objects = drive.axis().objects;
+  const Signs signs{.controlword = objects.controlword,
+                    .statusword = objects.statusword,
+                    .mode = objects.modes_of_operation,
+                    .target_position = objects.target_position,
+                    .target_velocity = objects.target_velocity,
+                    .target_torque = objects.target_torque,
+                    .state = drive.state(),
+                    .energised = subject.axis->actuation().pwm_enabled,
+                    .demand = static_cast<double>(drive.axis().demand.position),
+                    .commanded = subject.around.commanded,
+                    .disturbed = subject.around.disturbed};
+  const bool moves = drive.axis().demand.velocity != 0.0F || std::abs(subject.axis->plant().velocity_rpm()) > still_rpm;
+  if (std::exchange(subject.signs, signs) != signs || moves) subject.changed = tick_;
+  return tick_ - subject.changed > settling;
+}
+
 void World::pass_tick() {
   ++tick_;
   line_->run_until(tick_ * line::tick_length);
   for (std::size_t i = 0; i < subjects_.size(); ++i) {
     Subject& subject = subjects_[i];
-    if (!subject.watch || subject.watch->tick(tick_, subject.around)) continue;
+    if (!subject.watch) continue;
+    if (options_.rest_stride > 1 && rests(subject) && tick_ % options_.rest_stride != 0) continue;
+    if (subject.watch->tick(tick_, subject.around)) continue;
     const motion::Finding& found = *subject.watch->finding();
     finding(fmt::format("invariant {} of {} {}: {}", found.invariant, subject.variant->product->name,
                         subject.axis->settings().name, found.text));

@@ -33,6 +33,7 @@ struct Options {
   double cable_every_s = 180;      // ... between two pulls of its cable
   double recovery_limit_s = 60;    // of line time, from the end of a disturbance
   bool watches = true;             // the invariants are checked
+  std::int64_t rest_stride = 1;    // of an axis at rest, they are checked after each tick that is a multiple of it
 };
 
 // The disturbances of an axis, and the progress of its master since then.
@@ -46,6 +47,22 @@ struct Record {
   Time longest_recovery{};
 };
 
+// What could make an axis move, or shows that it moves.
+struct Signs {
+  std::uint16_t controlword = 0;
+  std::uint16_t statusword = 0;
+  std::int8_t mode = 0;
+  std::int32_t target_position = 0;
+  std::int32_t target_velocity = 0;
+  std::int16_t target_torque = 0;
+  drive::PowerState state{};
+  bool energised = false;
+  double demand = 0.0;  // counts
+  std::int64_t commanded = 0;
+  std::int64_t disturbed = 0;
+  friend bool operator==(const Signs&, const Signs&) = default;
+};
+
 struct Subject {
   line::Axis* axis = nullptr;
   const Variant* variant = nullptr;
@@ -54,6 +71,8 @@ struct Subject {
   Surroundings around;
   Record record;
   std::unique_ptr<motion::Watch> watch;
+  Signs signs;
+  std::int64_t changed = 0;  // last tick at which the signs changed, or the axis moved
 };
 
 // The line with its axes, and the data that all parts of the program share.
@@ -95,6 +114,7 @@ class World {
  private:
   static line::LineSettings settings(const Options& options, const std::vector<Variant>& variants,
                                      std::vector<std::size_t>& chosen);
+  bool rests(Subject& subject) const;
 
   Options options_;
   std::vector<Variant> variants_ = motion::variants();
