@@ -191,6 +191,8 @@ class Axis402 {
   // in the direction of the velocity, the call throws, or with `waits_at_limit` continues, so that `demand` can
   // reverse.
   void jog(const MotionProfile& profile, const JogDemand& demand, bool waits_at_limit = false);
+  // The same with one velocity, which is wanted for `duration`, its ramp included.
+  void jog_for(Time duration, std::int32_t velocity, const MotionProfile& profile, const Progress& progress = {});
   // Profile torque, in 0.1 % of the rated torque; returns when it is reached. The torque stays on and the speed is not
   // limited: set limits first. Throws if the axis rests at an active limit switch in the direction of the torque.
   void run_torque(std::int16_t torque_permille, const TorqueProfile& profile, Time timeout,

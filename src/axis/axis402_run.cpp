@@ -121,6 +121,14 @@ void Axis402::jog(const MotionProfile& profile, const JogDemand& demand, bool wa
   stop();
 }
 
+void Axis402::jog_for(Time duration, std::int32_t velocity, const MotionProfile& profile, const Progress& progress) {
+  const Time end = objects_.now() + duration;
+  jog(profile, [&](const AxisStatus& present) -> std::optional<std::int32_t> {
+    if (progress) progress(present);
+    return objects_.now() < end ? std::optional(velocity) : std::nullopt;
+  });
+}
+
 void Axis402::start_torque(std::int16_t torque_permille, const TorqueProfile& profile) {
   require_enabled("give torque");
   halted_ = false;

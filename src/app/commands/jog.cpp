@@ -31,15 +31,11 @@ void jog(const JogOptions& options) {
     const auto acceleration = units.acceleration(options.acceleration, "--acceleration");
     const master::MotionProfile profile{.acceleration = acceleration, .deceleration = acceleration};
     return [&options, velocity, profile](master::Axis402& axis, const master::Axis402::Progress& progress) {
-      const auto now = [&axis] { return axis.objects().now(); };
       if (options.seconds) {
-        const master::Time end =
-            now() + std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(*options.seconds));
-        axis.jog(profile, [&](const master::AxisStatus& status) -> std::optional<std::int32_t> {
-          progress(status);
-          return now() < end ? std::optional(velocity) : std::nullopt;
-        });
+        const auto duration = std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(*options.seconds));
+        axis.jog_for(duration, velocity, profile, progress);
       } else {
+        const auto now = [&axis] { return axis.objects().now(); };
         fmt::print("hold the right or left arrow key to move; up, down: faster, slower; space: stop; q: end\n");
         const Keyboard keyboard;
         master::JogKeys keys(velocity);

@@ -274,12 +274,7 @@ class Runner {
   }
 
   void jog(const Step& step, Axis402& axis) {
-    const std::int32_t velocity = velocity_of(step);
-    const Time end = now() + time_of(step.number("for").value_or(0));
-    axis.jog(profile_of(step), [&](const AxisStatus& present) -> std::optional<std::int32_t> {
-      if (options_.progress) options_.progress(present);
-      return now() < end ? std::optional(velocity) : std::nullopt;
-    });
+    axis.jog_for(time_of(step.number("for").value_or(0)), velocity_of(step), profile_of(step), options_.progress);
   }
 
   HomingRequest homing_of(const Step& step) const {
