@@ -94,6 +94,17 @@ Description description_of(const DeviceFile& device) {
   return description;
 }
 
+FileEntry& EntryAdder::add(FileEntry&& entry) {
+  constexpr std::size_t most_entries = 65536;
+  constexpr std::size_t most_text_bytes = std::size_t{32} << 20;  // names and values of all entries together
+  text_bytes_ += entry.object_name.size() + entry.name.size() + entry.content.size();
+  const char* what = nullptr;
+  if (device_.entries.size() == most_entries) what = "more than 65536 objects and sub-indices are described";
+  if (text_bytes_ > most_text_bytes) what = "the names and values of its objects are more than 32 MiB";
+  if (what != nullptr) throw DeviceFileError(device_.file, entry.line, "", what, "give the file of one device");
+  return device_.entries.emplace_back(std::move(entry));
+}
+
 const FileEntry* DeviceFile::find(std::uint16_t index, std::uint8_t sub) const {
   const std::uint32_t key = static_cast<std::uint32_t>(index) << 8 | sub;
   const auto found =

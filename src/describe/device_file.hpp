@@ -100,6 +100,18 @@ DeviceFile read_eds(std::istream& in, const std::string& file);
 // Parses a number of CiA 306-1: decimal, hexadecimal with 0x, octal with a leading 0. Empty if it is not a number.
 std::optional<std::int64_t> parse_file_number(std::string_view text);
 
+// Adds the entries that a reader finds. A short file may describe very many: arrays of an EDS, types of an ESI file.
+class EntryAdder {
+ public:
+  explicit EntryAdder(DeviceFile& device) : device_(device) {}
+  // Returns the entry in the device. Throws DeviceFileError before the file takes more memory than any device needs.
+  FileEntry& add(FileEntry&& entry);
+
+ private:
+  DeviceFile& device_;
+  std::size_t text_bytes_ = 0;
+};
+
 // Sorts the entries: a later entry replaces an earlier one with the same key, and an object without sub-index 0 gets
 // one. Adds notes about what it changed.
 void settle(DeviceFile& device);

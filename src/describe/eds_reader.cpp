@@ -17,10 +17,6 @@ using dictionary::ObjectCode;
 using dictionary::Pdo;
 using dictionary::Type;
 
-// Limits. A short file may describe very many objects (CompactSubObj). The reader refuses more objects than any device
-// has, before it takes memory for them.
-constexpr std::size_t most_entries = 65536;
-constexpr std::size_t most_text_bytes = std::size_t{32} << 20;  // names and values of all entries together
 constexpr std::size_t most_notes = 1000;
 
 class EdsReader {
@@ -51,15 +47,7 @@ class EdsReader {
                            const std::string& remedy) const {
     throw DeviceFileError(device_.file, line, fmt::format("[{}] {}", section.name, key), problem, remedy);
   }
-  // Called for every entry, so that the limits can never be exceeded.
-  void add(FileEntry&& entry) {
-    text_bytes_ += entry.object_name.size() + entry.name.size() + entry.content.size();
-    const char* what = nullptr;
-    if (device_.entries.size() == most_entries) what = "more than 65536 objects and sub-indices are described";
-    if (text_bytes_ > most_text_bytes) what = "the names and values of its objects are more than 32 MiB";
-    if (what != nullptr) throw DeviceFileError(device_.file, entry.line, "", what, "give the file of one device");
-    device_.entries.push_back(std::move(entry));
-  }
+  void add(FileEntry&& entry) { adder_.add(std::move(entry)); }
   void note(unsigned line, const std::string& what) {
     if (device_.notes.size() == most_notes) {
       device_.notes.push_back(fmt::format("{}:{}: further messages like this are not shown", device_.file, line));
@@ -377,7 +365,7 @@ class EdsReader {
   }
 
   DeviceFile device_;
-  std::size_t text_bytes_ = 0;
+  EntryAdder adder_{device_};
   Sections sections_;
 };
 

@@ -86,19 +86,28 @@ void EsiDictionaryReader::read_object(const pugi::xml_node& object) {
   set_type(entry, type_name, object, bits_of(object));
   set_flags(entry, object.child("Flags"));
   set_values(entry, object.child("Info"));
-  device_.entries.push_back(std::move(entry));
+  adder_.add(std::move(entry));
+}
+
+void EsiDictionaryReader::check_number_of(const std::vector<FileEntry>& parts, std::int64_t more,
+                                          const pugi::xml_node& at) const {
+  constexpr std::int64_t most = 256;
+  if (static_cast<std::int64_t>(parts.size()) + more <= most) return;
+  document_.refuse(at, "SubItem", "the type has more than 256 sub-indices", "leave some out");
 }
 
 void EsiDictionaryReader::read_parts(const pugi::xml_node& object, const pugi::xml_node& type,
                                      const FileEntry& common) {
-  std::vector<FileEntry> parts;
+  std::vector<FileEntry> parts;  // still without the name of the object
   std::vector<std::string> type_names;
   bool is_array = false;
   for (const pugi::xml_node& item : type.children("SubItem")) {
     const std::string item_type = text_of(item.child("Type"));
     const pugi::xml_node its_type = data_type(item_type);
     const pugi::xml_node array = its_type.child("ArrayInfo");
-    FileEntry entry = common;
+    FileEntry entry;
+    entry.index = common.index;
+    entry.line = common.line;
     entry.code = ObjectCode::record;
     entry.name = text_of(item.child("Name"));
     set_flags(entry, item.child("Flags"));
@@ -107,10 +116,11 @@ void EsiDictionaryReader::read_parts(const pugi::xml_node& object, const pugi::x
       is_array = true;
       const std::int64_t first = parse_xml_number(text_of(array.child("LBound"))).value_or(1);
       const std::int64_t count = parse_xml_number(text_of(array.child("Elements"))).value_or(0);
-      if (first < 0 || count < 0 || first + count > 0xFF) {
+      if (first < 0 || first > 0xFF || count < 0 || count > 0xFF - first) {
         document_.refuse(array, "ArrayInfo", fmt::format("{} elements from {} on are not possible", count, first),
                          "an object has sub-indices 1 to 254");
       }
+      check_number_of(parts, count, item);
       set_type(entry, text_of(its_type.child("BaseType")), array,
                static_cast<unsigned>(bits_of(its_type) / std::max<std::int64_t>(count, 1)));
       for (std::int64_t i = 0; i < count; ++i) {
@@ -124,6 +134,7 @@ void EsiDictionaryReader::read_parts(const pugi::xml_node& object, const pugi::x
     if (!sub) continue;  // padding
     if (*sub < 0 || *sub > 0xFF)
       document_.refuse(item, "SubIdx", fmt::format("{} is not a sub-index", *sub), "write 0 to 255");
+    check_number_of(parts, 1, item);
     entry.sub = static_cast<std::uint8_t>(*sub);
     set_type(entry, item_type, item, bits_of(item));
     type_names.push_back(entry.name);
@@ -148,7 +159,8 @@ void EsiDictionaryReader::read_parts(const pugi::xml_node& object, const pugi::x
   }
   for (FileEntry& part : parts) {
     if (is_array) part.code = ObjectCode::array;
-    device_.entries.push_back(std::move(part));
+    part.object_name = common.object_name;
+    adder_.add(std::move(part));
   }
 }
 

@@ -75,6 +75,9 @@ Type type_of_name(std::string_view name, unsigned bits) {
 EsiDocument::EsiDocument(const std::string& text, const std::string& file) : file_(file) {
   const pugi::xml_parse_result result = document_.load_buffer(text.data(), text.size());
   text_ = text;
+  for (std::size_t i = 0; i < text_.size(); ++i) {
+    if (text_[i] == '\n') line_ends_.push_back(i);
+  }
   if (!result) {
     const auto offset = static_cast<std::ptrdiff_t>(
         std::clamp<std::ptrdiff_t>(result.offset, 0, static_cast<std::ptrdiff_t>(text.size())));
@@ -88,7 +91,8 @@ EsiDocument::EsiDocument(const std::string& text, const std::string& file) : fil
 unsigned EsiDocument::line_of(const pugi::xml_node& node) const {
   const std::ptrdiff_t offset = node.offset_debug();
   if (offset < 0 || offset > static_cast<std::ptrdiff_t>(text_.size())) return 0;
-  return static_cast<unsigned>(1 + std::count(text_.begin(), text_.begin() + offset, '\n'));
+  const auto end = std::lower_bound(line_ends_.begin(), line_ends_.end(), static_cast<std::size_t>(offset));
+  return static_cast<unsigned>(1 + (end - line_ends_.begin()));
 }
 
 void EsiDocument::refuse(const pugi::xml_node& at, const std::string& key, const std::string& problem,

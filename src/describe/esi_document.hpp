@@ -4,6 +4,7 @@
 #include <optional>
 #include <pugixml.hpp>
 #include <string>
+#include <vector>
 
 #include "describe/device_file.hpp"
 
@@ -37,20 +38,23 @@ class EsiDocument {
 
  private:
   std::string file_;
-  std::string text_;  // as UTF-8; offsets refer to it
+  std::string text_;                    // as UTF-8; offsets refer to it
+  std::vector<std::size_t> line_ends_;  // offsets in it
   pugi::xml_document document_;
 };
 
 // Reads the objects of a Dictionary element.
 class EsiDictionaryReader {
  public:
-  EsiDictionaryReader(const EsiDocument& document, DeviceFile& device) : document_(document), device_(device) {}
+  EsiDictionaryReader(const EsiDocument& document, EntryAdder& adder) : document_(document), adder_(adder) {}
 
   // Returns false if it has no objects.
   bool read(const pugi::xml_node& dictionary);
 
  private:
   void read_object(const pugi::xml_node& object);
+  // Refuses parts of an object of which there would be too many.
+  void check_number_of(const std::vector<FileEntry>& parts, std::int64_t more, const pugi::xml_node& at) const;
   void read_parts(const pugi::xml_node& object, const pugi::xml_node& type, const FileEntry& common);
   void set_type(FileEntry& entry, const std::string& type, const pugi::xml_node& at, unsigned bits) const;
   void set_flags(FileEntry& entry, const pugi::xml_node& flags) const;
@@ -58,7 +62,7 @@ class EsiDictionaryReader {
   pugi::xml_node data_type(const std::string& name) const;
 
   const EsiDocument& document_;
-  DeviceFile& device_;
+  EntryAdder& adder_;
   std::map<std::string, pugi::xml_node> types_;
 };
 

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <fmt/format.h>
+#include <map>
+#include <set>
 
 #include "describe/esi_document.hpp"
 
@@ -24,6 +26,8 @@ struct Direction {
 constexpr Direction directions[] = {{"RxPdo", 0x1C12, 0x1600, Pdo::rpdo, "RxPDO assign"},
                                     {"TxPdo", 0x1C13, 0x1A00, Pdo::tpdo, "TxPDO assign"}};
 
+std::uint32_t key_of(std::uint16_t index, std::uint8_t sub) { return std::uint32_t{index} << 8 | sub; }
+
 std::string title_of(const pugi::xml_node& device) {
   return fmt::format("{} ({})", text_of(device.child("Type")), device.child("Type").attribute("ProductCode").value());
 }
@@ -41,13 +45,14 @@ class EsiReader {
     made_.complete_access = is_set(device.child("Mailbox").child("CoE").attribute("CompleteAccess"));
     std::vector<pugi::xml_node> parts{device};
     if (const pugi::xml_node module = first_module(info, device)) parts.push_back(module);
-    EsiDictionaryReader dictionary(document_, made_.device);
+    EsiDictionaryReader dictionary(document_, adder_);
     for (const pugi::xml_node& part : parts) {
       for (const pugi::xml_node& profile : part.children("Profile")) {
         made_.has_dictionary = dictionary.read(profile.child("Dictionary")) || made_.has_dictionary;
       }
     }
     settle(made_.device);
+    for (std::size_t i = 0; i < made_.device.entries.size(); ++i) places_[made_.device.entries[i].key()] = i;
     for (const Direction& direction : directions) read_pdos(parts, direction);
     std::sort(made_.device.entries.begin(), made_.device.entries.end(),
               [](const FileEntry& a, const FileEntry& b) { return a.key() < b.key(); });
@@ -60,10 +65,11 @@ class EsiReader {
   pugi::xml_node choose(const pugi::xml_node& devices, const std::string& which) {
     std::vector<pugi::xml_node> found;
     std::vector<std::string> titles;
+    std::set<std::string> known_titles;
     const auto wanted_code = parse_xml_number(which);
     for (const pugi::xml_node& device : devices.children("Device")) {
       const std::string title = title_of(device);
-      if (std::find(titles.begin(), titles.end(), title) == titles.end()) titles.push_back(title);
+      if (known_titles.insert(title).second) titles.push_back(title);
       const pugi::xml_node type = device.child("Type");
       const auto code = parse_xml_number(type.attribute("ProductCode").value());
       const auto has_name = [&which](const pugi::xml_node& name) { return text_of(name) == which; };
@@ -175,16 +181,24 @@ class EsiReader {
 
   // ---- PDOs ----
 
+  bool is_known(std::uint16_t index, std::uint8_t sub) const { return places_.contains(key_of(index, sub)); }
+
   FileEntry& entry(std::uint16_t index, std::uint8_t sub, ObjectCode code, const std::string& object_name) {
-    for (FileEntry& known : made_.device.entries) {
-      if (known.index == index && known.sub == sub) return known;
-    }
+    const auto [place, is_new] = places_.try_emplace(key_of(index, sub), made_.device.entries.size());
+    if (!is_new) return made_.device.entries[place->second];
     FileEntry made;
     made.index = index;
     made.sub = sub;
     made.code = code;
     made.object_name = object_name;
-    return made_.device.entries.emplace_back(std::move(made));
+    return adder_.add(std::move(made));
+  }
+
+  // The values of the dictionary, which the PDOs replace.
+  void clear_values(std::uint16_t index) {
+    for (auto at = places_.lower_bound(key_of(index, 0)); at != places_.end() && at->first >> 8 == index; ++at) {
+      made_.device.entries[at->second].default_value = 0;
+    }
   }
 
   void set(std::uint16_t index, std::uint8_t sub, ObjectCode code, const std::string& object_name, Type type,
@@ -199,23 +213,25 @@ class EsiReader {
 
   void read_pdos(const std::vector<pugi::xml_node>& parts, const Direction& direction) {
     std::vector<std::uint16_t> assigned;
-    std::vector<std::uint16_t> excluded;
+    std::set<std::uint16_t> excluded;
+    constexpr std::size_t most_assigned = 254;
     for (const pugi::xml_node& part : parts) {
       for (const pugi::xml_node& pdo : part.children(direction.element)) {
         const auto index = static_cast<std::uint16_t>(document_.number(pdo.child("Index"), "PDO Index"));
         read_mapping(pdo, index, direction);
         if (!pdo.attribute("Sm")) continue;
-        if (std::find(excluded.begin(), excluded.end(), index) != excluded.end()) continue;
+        if (excluded.contains(index)) continue;
+        if (assigned.size() == most_assigned) {
+          document_.refuse(pdo, direction.element, "more than 254 PDOs are assigned", "leave some out");
+        }
         assigned.push_back(index);
         for (const pugi::xml_node& exclude : pdo.children("Exclude")) {
-          excluded.push_back(static_cast<std::uint16_t>(parse_xml_number(text_of(exclude)).value_or(0)));
+          excluded.insert(static_cast<std::uint16_t>(parse_xml_number(text_of(exclude)).value_or(0)));
         }
       }
     }
     const std::uint16_t list = direction.assignment;
-    for (FileEntry& known : made_.device.entries) {
-      if (known.index == list) known.default_value = 0;
-    }
+    clear_values(list);
     set(list, 0, ObjectCode::array, direction.assignment_name, Type::unsigned8,
         static_cast<std::int64_t>(assigned.size()));
     for (std::size_t i = 0; i < std::max<std::size_t>(assigned.size(), 4); ++i) {
@@ -227,11 +243,9 @@ class EsiReader {
   void read_mapping(const pugi::xml_node& pdo, std::uint16_t index, const Direction& direction) {
     const std::string name = english(pdo, "Name");
     const Access access = is_set(pdo.attribute("Fixed")) ? Access::ro : Access::rw;
-    for (FileEntry& known : made_.device.entries) {
-      if (known.index == index) known.default_value = 0;
-    }
+    clear_values(index);
     const auto put = [&](std::uint8_t sub, Type type, std::int64_t value) {
-      const bool is_new = made_.device.find(index, sub) == nullptr;
+      const bool is_new = !is_known(index, sub);
       set(index, sub, ObjectCode::record, name, type, value);
       if (is_new) entry(index, sub, ObjectCode::record, name).access = access;
     };
@@ -252,9 +266,7 @@ class EsiReader {
   // Adds an object that only a PDO mentions.
   void describe_mapped(const pugi::xml_node& mapped, std::uint16_t object, std::uint8_t sub, unsigned bits,
                        const Direction& direction) {
-    const bool known = std::any_of(made_.device.entries.begin(), made_.device.entries.end(),
-                                   [&](const FileEntry& one) { return one.index == object && one.sub == sub; });
-    if (known) return;
+    if (is_known(object, sub)) return;
     const std::string name = english(mapped, "Name");
     FileEntry& made = entry(object, sub, sub == 0 ? ObjectCode::var : ObjectCode::record, name);
     made.name = name;
@@ -265,6 +277,9 @@ class EsiReader {
 
   EsiDocument document_;
   EsiDevice made_;
+  EntryAdder adder_{made_.device};
+  std::map<std::uint32_t, std::size_t>
+      places_;  // of the entries by their keys; these are not sorted while PDOs are read
 };
 
 }  // namespace

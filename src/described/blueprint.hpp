@@ -16,8 +16,9 @@
 // Tables generated from a device description. For the other products these tables are constants.
 namespace servodrome::described {
 
-// Limit: a larger file describes no servo drive, and each object takes memory in every axis of a line.
+// Limits: a larger file describes no servo drive, and each object takes memory in every axis of a line.
 inline constexpr std::size_t most_entries = 32768;
+inline constexpr std::size_t most_object_bytes = std::size_t{16} << 20;
 
 // An object with a standard index whose size differs from the reference drive's: `reference` is used to copy its value
 // to and from the drive's field.

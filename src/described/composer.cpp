@@ -156,6 +156,11 @@ std::uint32_t Composer::take_bytes(std::size_t bytes) {
   constexpr std::size_t alignment = sizeof(std::uint64_t);
   const std::size_t place = (made_.object_bytes + alignment - 1) / alignment * alignment;
   made_.object_bytes = place + bytes;
+  if (made_.object_bytes > most_object_bytes) {
+    throw describe::DeviceFileError(made_.device.file, 0, "",
+                                    fmt::format("the objects take more than {} MiB", most_object_bytes >> 20),
+                                    "give shorter lengths of strings and blocks of bytes");
+  }
   return static_cast<std::uint32_t>(place);
 }
 

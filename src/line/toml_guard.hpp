@@ -16,7 +16,8 @@ struct TomlRefusal {
 
 // Detects texts that toml++ 3.3 cannot handle safely. The library makes a nested table for each part of a dotted key
 // and recurses into all of them, so a long key overflows the stack. It limits the depth of brackets itself. It also
-// assumes that a name follows the brackets of a table header.
+// assumes that a name follows the brackets of a table header. Where it skips blanks, it assumes that no letter from
+// U+00A1 to U+0499 follows, and some others. Where it looks for a value, it assumes that no bracket closes another one.
 std::optional<TomlRefusal> refuse_toml(std::string_view text);
 
 }  // namespace servodrome::line

@@ -1,5 +1,6 @@
 #include "line/toml_text.hpp"
 
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -44,10 +45,11 @@ std::optional<std::string> read_text_file(const std::string& path, std::string_v
                            fmt::format("give the name of {}", what)});
     return std::nullopt;
   }
-  std::string text(largest_file + 1, '\0');
-  file.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(file.gcount()));
-  if (text.size() > largest_file) {
+  std::string text;
+  std::array<char, 16384> part{};
+  while (file.read(part.data(), part.size()) || file.gcount() > 0) {
+    text.append(part.data(), static_cast<std::size_t>(file.gcount()));
+    if (text.size() <= largest_file) continue;
     diagnostics.push_back({path, 0, 0, "is longer than 1 MiB", fmt::format("give {}", what)});
     return std::nullopt;
   }

@@ -91,7 +91,8 @@ Endpoint parse_endpoint(const LinkText& link, std::string_view text, std::uint16
     }
   }
   if (host.empty()) link.refuse("there is no host", scheme);
-  if (!is_plain_word(host)) link.refuse(fmt::format("\"{}\" is not a host name or address", host), scheme);
+  if (!is_plain_word(host) || host.find_first_of("[]") != std::string_view::npos)
+    link.refuse(fmt::format("\"{}\" is not a host name or address", host), scheme);
   if (!port) return {std::string(host), default_port};
   const auto number = port_number(*port);
   if (!number) link.refuse(fmt::format("port \"{}\" is not a number from 0 to 65535", *port), scheme);

@@ -138,8 +138,47 @@ TEST(BadSlaveInformation, SaysLineAndElement) {
   EXPECT_NE(
       complaint_about_esi(replaced(good, "<DefaultData>92010200", "<DefaultData>9201020")).find("1000:00 DefaultData"),
       std::string::npos);
-  EXPECT_NE(complaint_about_esi(replaced(good, "<Elements>2<", "<Elements>2000<")).find("ArrayInfo"),
-            std::string::npos);
+  for (const char* elements : {"2000", "9223372036854775807"}) {
+    const std::string bad = replaced(good, "<Elements>2<", fmt::format("<Elements>{}<", elements));
+    EXPECT_NE(complaint_about_esi(bad).find("ArrayInfo"), std::string::npos) << elements;
+  }
+}
+
+// Every object of a type has a copy of all entries and names of the type.
+TEST(BadSlaveInformation, AShortFileThatDescribesMuchIsRefusedWhileItIsRead) {
+  const auto with_objects = [good = content_of("dictionary_defaults.xml")](const std::string& types, unsigned count,
+                                                                           const std::string& type) {
+    std::string objects;
+    for (unsigned i = 0; i < count; ++i) {
+      objects += fmt::format("<Object><Index>#x{:04X}</Index><Name>{}</Name><Type>{}</Type></Object>", 0x2000 + i,
+                             type == "LONG" ? std::string(500'000, 'x') : "n", type);
+    }
+    return replaced(replaced(good, "</DataTypes>", types + "</DataTypes>"), "</Objects>", objects + "</Objects>");
+  };
+  const std::string array =
+      "<DataType><Name>A</Name><BaseType>USINT</BaseType><BitSize>2032</BitSize>"
+      "<ArrayInfo><LBound>1</LBound><Elements>254</Elements></ArrayInfo></DataType>";
+  const std::string part = "<SubItem><Name>p</Name><Type>A</Type></SubItem>";
+  const std::string of_one = array + "<DataType><Name>LONG</Name>" + part + "</DataType>" +
+                             "<DataType><Name>ONE</Name>" + part + "</DataType>";
+  const std::string of_two = array + "<DataType><Name>TWO</Name>" + part + part + "</DataType>";
+  const std::string block = "<DataType><Name>BLOCK</Name><BitSize>8388608</BitSize></DataType>";
+  EXPECT_EQ(complaint_about_esi(with_objects(of_one, 30, "ONE")), "");
+  const auto expect = [&](const std::string& text, const char* words) {
+    const std::string said = complaint_about_esi(text);
+    EXPECT_NE(said.find(words), std::string::npos) << said;
+  };
+  expect(with_objects(of_two, 1, "TWO"), "more than 256 sub-indices");
+  expect(with_objects(of_one, 300, "ONE"), "more than 65536 objects");
+  expect(with_objects(of_one, 2, "LONG"), "more than 32 MiB");
+  expect(with_objects(block, 17, "BLOCK"), "more than 16 MiB");
+  const auto with_pdos = [good = content_of("dictionary_defaults.xml")](unsigned count) {
+    std::string pdos;
+    for (unsigned i = 0; i < count; ++i) pdos += fmt::format("<RxPdo Sm=\"2\"><Index>{}</Index></RxPdo>", 0x1610 + i);
+    return replaced(good, "</Device>", pdos + "</Device>");
+  };
+  EXPECT_EQ(complaint_about_esi(with_pdos(200)), "");
+  expect(with_pdos(300), "more than 254 PDOs");
 }
 
 TEST(BadSlaveInformation, CutAndSpoiltFilesAreTakenOrRefused) {

@@ -57,6 +57,8 @@ TEST(SerialLinkName, ErrorsSayWhatWhereAndWhatToDo) {
       {"tcp:::1:502", "brackets", "tcp:HOST:PORT"},
       {"tcp:[::1", "closing \"]\"", "tcp:HOST:PORT"},
       {"tcp:a b:1", "\"a b\" is not a host name", "tcp:HOST:PORT"},
+      {"tcp:[[::1]", "\"[::1\" is not a host name", "tcp:HOST:PORT"},
+      {"tcp:a]:1", "\"a]\" is not a host name", "tcp:HOST:PORT"},
       {"mem:x", "nothing may follow", "write mem:"},
   };
   for (const Case& item : cases) {

@@ -1,4 +1,5 @@
 // Mailbox services: SDO, SDO information, emergencies, files.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include "ethercat_line.hpp"
@@ -166,6 +167,37 @@ TEST_F(CoeTest, EveryListIsWhole) {
   EXPECT_EQ(slave.coe().list(ObjectList::stored), std::vector<std::uint16_t>{0x2003});
 }
 
+// The last information of the slave comes again and again, and says that more follows.
+TEST_F(CoeTest, InformationWithoutEndIsGivenUp) {
+  struct Endless final : ethercat::SlaveInterposer {
+    Dispatch sends(Mail& mail) override {
+      mail.mailbox[5] &= 0x0F;  // no counter
+      mail.mailbox[10] = 1;     // one more fragment
+      return {Sending::pass, 1'000'000};
+    }
+  } endless;
+  device.slave.interpose(&endless);
+  EXPECT_EQ(code_of([&] { slave.coe().list(ObjectList::all); }), AbortCode::out_of_memory);
+  device.slave.interpose(nullptr);
+}
+
+TEST_F(CoeTest, ASegmentWithoutDataThatIsNotTheLastIsRefused) {
+  struct Empty final : ethercat::SlaveInterposer {
+    Dispatch sends(Mail& mail) override {
+      constexpr std::size_t command = ethercat::mailbox_header_size + ethercat::coe_header_size;
+      const bool is_segment = mail.mailbox[command] >> 5 == 0;
+      if (is_segment) ethercat::store_u16(mail.mailbox.data(), ethercat::coe_header_size + 1);
+      return {};
+    }
+  } empty;
+  slave.coe().download({0x2002, 0}, counting(3000));
+  device.slave.interpose(&empty);
+  const unsigned before = line.frames;
+  EXPECT_EQ(code_of([&] { slave.coe().upload({0x2002, 0}); }), AbortCode::length_mismatch);
+  EXPECT_LT(line.frames - before, 30U);
+  device.slave.interpose(nullptr);
+}
+
 TEST_F(CoeTest, DescriptionsOfObjectsAndEntries) {
   const ObjectDescription object = slave.coe().describe(0x1018);
   EXPECT_EQ(object.name, "Identity object");
@@ -183,6 +215,23 @@ TEST_F(CoeTest, DescriptionsOfObjectsAndEntries) {
   EXPECT_EQ(entry.access, entry_access::read | entry_access::write | entry_access::rx_pdo | entry_access::tx_pdo);
   EXPECT_EQ(code_of([&] { slave.coe().describe(0x5555); }), AbortCode::object_does_not_exist);
   EXPECT_EQ(code_of([&] { slave.coe().describe(ObjectAddress{0x1018, 9}); }), AbortCode::sub_index_does_not_exist);
+}
+
+TEST_F(CoeTest, ADescriptionOfAnotherObjectIsNoAnswer) {
+  struct Other final : ethercat::SlaveInterposer {
+    Dispatch sends(Mail& mail) override {
+      ++mail.mailbox[place];
+      return {};
+    }
+    std::size_t place = 12;  // index
+  } other;
+  slave.coe().set_timeout(20ms);
+  device.slave.interpose(&other);
+  EXPECT_THAT(problem_of([&] { slave.coe().describe(0x1018); }), HasSubstr("no answer in its mailbox"));
+  EXPECT_THAT(problem_of([&] { slave.coe().describe(ObjectAddress{0x1018, 1}); }), HasSubstr("no answer"));
+  other.place = 14;  // sub-index
+  EXPECT_THAT(problem_of([&] { slave.coe().describe(ObjectAddress{0x1018, 1}); }), HasSubstr("no answer"));
+  device.slave.interpose(nullptr);
 }
 
 TEST_F(CoeTest, EmergenciesBetweenAnswersAreKept) {
@@ -263,6 +312,59 @@ TEST_F(CoeTest, NoAnswerSaysSo) {
   slave.coe();
   line.segment->set_powered(0, false, line.now);
   EXPECT_THAT(problem_of([&] { slave.coe().upload({0x1000, 0}); }), HasSubstr("frames do not come back"));
+}
+
+// Another master takes the slave from INIT to PREOP before the mailbox is set up.
+TEST(EthercatMailbox, ASlaveThatLeavesInitByItselfIsRefused) {
+  class Leaving final : public links::EthercatClient {
+   public:
+    void send(std::span<const std::uint8_t> content) override {
+      frame_.assign(content.begin(), content.end());
+      ethercat::Frame parsed;
+      ethercat::parse_payload(frame_, parsed);
+      for (ethercat::Datagram& datagram : parsed.datagrams()) {
+        datagram.set_working_counter(1);
+        if (datagram.offset() == ethercat::reg::al_status) datagram.data()[0] = ++reads_ == 3 ? 1 : 2;
+      }
+    }
+    std::size_t receive(std::span<std::uint8_t> into, Time) override {
+      std::copy(frame_.begin(), frame_.end(), into.begin());
+      return std::exchange(frame_, {}).size();
+    }
+    Time now() const override { return Time{}; }
+    void wait(Time) override {}
+    std::string name() const override { return "mem:"; }
+
+   private:
+    std::vector<std::uint8_t> frame_;
+    unsigned reads_ = 0;
+  };
+  EthercatMaster master(std::make_unique<Leaving>());
+  FoundSlave found;
+  found.station = first_station;
+  found.sii.mailbox = {.out = {0x1000, 128}, .in = {0x1080, 128}};
+  EthercatSlave slave(master, found);
+  EXPECT_THAT(problem_of([&] { slave.mailbox(); }), HasSubstr("it has left INIT"));
+}
+
+// The lengths of its information memory, which may be damaged.
+TEST(EthercatMailbox, AnImpossibleLengthIsRefused) {
+  EthercatLine line;
+  const std::vector<FoundSlave> found = scan_slaves(*line.master);
+  for (const unsigned length : {1U, 5U, 15U, 1487U, 65535U}) {
+    for (const bool is_out : {true, false}) {
+      FoundSlave damaged = found[0];
+      for (MailboxAreas* areas : {&damaged.sii.mailbox, &damaged.sii.bootstrap}) {
+        *areas = found[0].sii.mailbox;
+        (is_out ? areas->out : areas->in).length = static_cast<std::uint16_t>(length);
+      }
+      EthercatSlave slave(*line.master, damaged);
+      const std::string lengths =
+          fmt::format("mailboxes of {} and {} bytes", damaged.sii.mailbox.out.length, damaged.sii.mailbox.in.length);
+      EXPECT_THAT(problem_of([&] { slave.to_pre_operational(); }), HasSubstr(lengths));
+      EXPECT_THAT(problem_of([&] { slave.to_bootstrap(); }), HasSubstr(lengths));
+    }
+  }
 }
 
 class File final : public ethercat::FoeFiles {

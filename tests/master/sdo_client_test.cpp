@@ -109,6 +109,20 @@ TEST_F(SdoClientTest, SegmentedOfEverySizeAroundTheSegments) {
   EXPECT_EQ(client.read_text(0x1008), canopen::test::constant_text);
 }
 
+// A server that sends such segments would never end the transfer.
+TEST_F(SdoClientTest, ASegmentWithoutDataThatIsNotTheLastIsRefused) {
+  SdoTransfer transfer = SdoTransfer::upload({0x2002, 0});
+  Frame frame;
+  ASSERT_TRUE(transfer.take(frame));
+  EXPECT_TRUE(transfer.receive({.id = 0x585, .length = 8, .data = {0x40, 0x02, 0x20}}));
+  ASSERT_TRUE(transfer.take(frame));
+  EXPECT_TRUE(transfer.receive({.id = 0x585, .length = 8, .data = {0x0E}}));
+  EXPECT_TRUE(transfer.finished());
+  EXPECT_EQ(transfer.result(), AbortCode::length_mismatch);
+  ASSERT_TRUE(transfer.take(frame));
+  EXPECT_EQ(frame.data[0], 0x80);
+}
+
 TEST_F(SdoClientTest, ALongTransferIsCancelledWithinIt) {
   const auto sent = pattern(6000);
   client.download({0x2002, 0}, sent);

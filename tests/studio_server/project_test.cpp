@@ -128,6 +128,7 @@ TEST(Project, ABadFileIsNamedWithItsPlaceAndStays) {
   const fs::path boards = folder / "x/state/boards.json";
   is_refused(boards, "[\n  {\"a\": }\n]\n", ":2:9: is not JSON here");
   is_refused(boards, "", ":1:1: is not JSON here");
+  is_refused(boards, "[1, 1e999]\n", ":1:1: has a number that is too large");
   is_refused(boards, std::string(1000, '['), ":1:1: is nested more than 31 levels deep");
   is_refused(boards, "null", ":1:1: null is no state");
   fs::remove(boards);
@@ -139,6 +140,7 @@ TEST(Project, ABadFileIsNamedWithItsPlaceAndStays) {
   fs::remove(folder / "x/state");
   const fs::path changes = folder / "x/changes.jsonl";
   is_refused(changes, "{\"axis\": \"x\", \"number\": 1}\n{\"axis\"\n", ":2:8: is not JSON here");
+  is_refused(changes, "{\"axis\": \"x\", \"number\": 1}\n{\"new\": -1e999}\n", ":2:1: has a number that is too large");
   is_refused(changes, "{\"axis\": \"x\", \"number\": 1}\n{\"axis\": \"x\"}\n", ":2:1: is no change");
   is_refused(changes, "{\"axis\": \"x\", \"number\": 18446744073709551614}\n",
              ":1:1: the number of a change is above 4503599627370496");

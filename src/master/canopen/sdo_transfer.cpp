@@ -174,10 +174,16 @@ bool SdoTransfer::receive_upload_segment(const Frame& answer) {
     abort(AbortCode::toggle_bit_not_alternated);
     return true;
   }
-  if (!append(std::span(answer.data).subspan(1, sdo::segment_bytes - (command >> 1 & 7U)))) return true;
+  const std::size_t size = sdo::segment_bytes - (command >> 1 & 7U);
+  if (!append(std::span(answer.data).subspan(1, size))) return true;
   toggle_ = !toggle_;
   if ((command & sdo::last_segment) == 0) {
-    request_upload_segment();
+    // A server that sends segments without data would never end the transfer.
+    if (size != 0) {
+      request_upload_segment();
+    } else {
+      abort(AbortCode::length_mismatch);
+    }
   } else if (announced_ && *announced_ != data_.size()) {
     abort(AbortCode::length_mismatch);
   } else {

@@ -156,7 +156,9 @@ std::vector<std::byte> CoeClient::upload_once(ObjectAddress object, bool complet
     if (count == least_segment) count -= segment[0] >> 1 & 7U;
     append(data, std::span(segment).subspan(1, count));
     const bool last = (segment[0] & last_bit) != 0;
-    if (data.size() > size || last != (data.size() == size)) give_up(object, true, AbortCode::length_mismatch);
+    // A slave that sends segments without data would never end the transfer.
+    const bool wrong = data.size() > size || last != (data.size() == size) || (count == 0 && !last);
+    if (wrong) give_up(object, true, AbortCode::length_mismatch);
   }
   return data;
 }

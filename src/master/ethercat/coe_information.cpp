@@ -22,6 +22,10 @@ constexpr std::uint8_t opcode_mask = 0x7F;
 
 constexpr std::size_t information_header_size = ethercat::coe_header_size + 4;
 
+// Of all fragments with their headers; the longest list has 65536 indices. A slave may say without end that more
+// follows.
+constexpr std::size_t largest_information = std::size_t{1} << 20;
+
 // Value info (ETG.1000.6 table 48).
 constexpr std::uint8_t with_unit = 0x08;
 constexpr std::uint8_t with_default = 0x10;
@@ -57,9 +61,23 @@ Mail CoeClient::ask_information(std::span<const std::uint8_t> request, std::uint
     const std::uint8_t answered = mail[ethercat::coe_header_size] & opcode_mask;
     return answered == opcode + 1 || answered == information_error;
   };
+  // The first fragment of a description begins with the object. A late answer may describe another one.
+  const std::ptrdiff_t named = opcode == object_request ? 2 : opcode == entry_request ? 3 : 0;
+  const auto of_object = [&](const Mail& mail) {
+    if (!wanted(mail)) return false;
+    if ((mail[ethercat::coe_header_size] & opcode_mask) == information_error) return true;
+    const auto object = mail.begin() + information_header_size;
+    return mail.end() - object >= named &&
+           std::equal(object, object + named, request.begin() + information_header_size);
+  };
   Mail data;
-  Mail fragment = mailbox_.ask(MailboxType::coe, request, timeout(), wanted);
+  std::size_t received = 0;
+  Mail fragment = mailbox_.ask(MailboxType::coe, request, timeout(), of_object);
   while (true) {
+    received += fragment.size();
+    if (received > largest_information) {
+      throw CoeError(mailbox_.where(), {index, 0}, true, AbortCode::out_of_memory, false);
+    }
     if ((fragment[ethercat::coe_header_size] & opcode_mask) == information_error) {
       const std::uint32_t code =
           fragment.size() >= information_header_size + 4 ? load_u32(&fragment[information_header_size]) : 0;

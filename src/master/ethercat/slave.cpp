@@ -16,6 +16,12 @@ constexpr std::uint8_t mailbox_out_control = 0x26;
 constexpr std::uint8_t mailbox_in_control = 0x22;
 constexpr std::uint8_t mode_and_direction = 0x0F;
 
+// An SDO needs 10 bytes behind the header, and one datagram reads or writes a whole mailbox.
+bool is_possible(const MailboxArea& area) {
+  constexpr std::size_t least = ethercat::mailbox_header_size + 10;
+  return area.length >= least && area.length <= ethercat::max_datagram_data;
+}
+
 }  // namespace
 
 std::string EthercatSlave::where() const {
@@ -57,6 +63,13 @@ void EthercatSlave::set_up_mailbox(const MailboxAreas& areas, std::uint8_t out_c
   master_.write(station(), reg::sync_manager, channels);
 }
 
+void EthercatSlave::check_lengths(const MailboxAreas& areas) const {
+  if (is_possible(areas.out) && is_possible(areas.in)) return;
+  throw EthercatError(EthercatError::Kind::malformed,
+                      fmt::format("its SII describes mailboxes of {} and {} bytes", areas.out.length, areas.in.length),
+                      where(), "write its SII again; the content is wrong");
+}
+
 void EthercatSlave::close_mailbox() {
   foe_.reset();
   coe_.reset();
@@ -73,6 +86,7 @@ void EthercatSlave::open_mailbox(const MailboxAreas& areas, bool fresh) {
 void EthercatSlave::to_pre_operational() {
   AlStatus present = status();
   if (present.state() == AlState::bootstrap || present.state() == AlState::init) {
+    if (has_mailbox()) check_lengths(found_.sii.mailbox);
     to_init();
     if (has_mailbox()) {
       const auto& channels = found_.sii.sync_managers;
@@ -91,6 +105,7 @@ void EthercatSlave::to_pre_operational() {
 void EthercatSlave::to_bootstrap() {
   const MailboxAreas& areas = found_.sii.bootstrap;
   if (areas.out.length == 0 || areas.in.length == 0) lacks("Bootstrap mailbox", "leave BOOT out; use FoE in PREOP");
+  check_lengths(areas);
   to_init();
   set_up_mailbox(areas, mailbox_out_control, mailbox_in_control);
   request(AlState::bootstrap);
@@ -107,8 +122,7 @@ std::optional<MailboxAreas> EthercatSlave::areas_in_use() {
                     (channels[6] & 1) != 0 && (in[6] & 1) != 0;
   const MailboxAreas areas{.out = {load_u16(channels.data()), load_u16(&channels[2])},
                            .in = {load_u16(in), load_u16(in + 2)}};
-  constexpr std::size_t least = ethercat::mailbox_header_size + 10;
-  if (!good || areas.out.length < least || areas.in.length < least) return std::nullopt;
+  if (!good || !is_possible(areas.out) || !is_possible(areas.in)) return std::nullopt;
   return areas;
 }
 
@@ -123,7 +137,9 @@ MailboxClient& EthercatSlave::mailbox() {
     to_init();
   }
   to_pre_operational();
-  return *mailbox_;
+  if (mailbox_) return *mailbox_;
+  throw EthercatError(EthercatError::Kind::refused, "it has left INIT before its mailbox was set up", where(),
+                      "stop any other master of the segment, and try again");
 }
 
 CoeClient& EthercatSlave::coe() {

@@ -45,6 +45,7 @@ class EthercatSlave {
 
  private:
   void set_up_mailbox(const MailboxAreas& areas, std::uint8_t out_control, std::uint8_t in_control);
+  void check_lengths(const MailboxAreas& areas) const;
   void open_mailbox(const MailboxAreas& areas, bool fresh);
   void close_mailbox();
   std::optional<MailboxAreas> areas_in_use();

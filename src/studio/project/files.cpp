@@ -106,6 +106,8 @@ nlohmann::json parse_json(std::string_view text, const std::filesystem::path& fi
     throw ProjectError(file, "is not JSON here", "correct the file, or take an earlier version of it from git",
                        first_line + static_cast<std::uint32_t>(std::count(before.begin(), before.end(), '\n')),
                        static_cast<std::uint32_t>(1 + before.size() - begin));
+  } catch (const nlohmann::json::out_of_range&) {
+    throw ProjectError(file, "has a number that is too large", "correct the file", first_line, 1);
   }
 }
 
