@@ -9,6 +9,9 @@ master::MotionLimits limits_of(const Subject& subject, double velocity_rps, doub
 
 bool command_axis(Subject& subject, master::MotionAxis& axis, Random& random) {
   constexpr int switches_off_percent = 4;
+  // A fault from before is not known yet. An axis with a fault that is switched on ends the session, and so would the
+  // next session.
+  if (!axis.has_read_inputs()) return false;
   if (axis.fault() != master::AxisFault::none) {
     axis.reset_fault();
     return false;

@@ -49,6 +49,7 @@ class Session {
   void finish() {
     group_->reset_faults(10s);
     group_->enable(10s);
+    for (Subject* subject : subjects_) world_.works(*subject);
     for (std::size_t i = 0; i < subjects_.size(); ++i) {
       MotionAxis& axis = group_->axis(i);
       const double target = axis.set_point().position + subjects_[i]->variant->position(1.0);
