@@ -9,6 +9,7 @@ a failure is stored in build/fuzz/findings, and ends its target.
 tools/fuzz builds the targets with the address and undefined-behaviour sanitizers; this program needs that build.
 """
 
+import pathlib
 import random
 import re
 import resource
@@ -20,7 +21,6 @@ import report
 
 FRAME_TARGETS = ("canopen_node_fuzz", "ethercat_fuzz", "modbus_fuzz", "serial10_fuzz")
 TARGETS = (*FRAME_TARGETS, "script_fuzz", "sniff_fuzz")
-PROGRAMS = report.ROOT / "build/asan-ubsan/fuzz"
 KEPT = report.ROOT / "build/fuzz"
 LONGEST = 4096
 LONG_INPUTS = ("-len_control=0", f"-max_len={LONGEST}", "-keep_seed=1")
@@ -38,8 +38,9 @@ def number(text, name):
 class Target:
     """One program and its progress."""
 
-    def __init__(self, name, seed):
+    def __init__(self, name, seed, programs):
         self.name = name
+        self.program = programs / name
         self.seed = seed
         self.figures = {"inputs": 0, "frames": 0, "seconds": 0.0, "processor_seconds": 0.0, "coverage": 0, "corpus": 0}
         self.corpus = KEPT / "corpus" / name
@@ -58,7 +59,7 @@ class Target:
     def chunk(self, limit, extra):
         """Runs one process. Returns None, or a description of the failure."""
         self.seed += 1
-        command = [PROGRAMS / self.name, f"-seed={self.seed}", f"-timeout={FAILURE_S}", "-print_final_stats=1", *limit, *extra]
+        command = [self.program, f"-seed={self.seed}", f"-timeout={FAILURE_S}", "-print_final_stats=1", *limit, *extra]
         command += [f"-artifact_prefix={self.findings}/", self.corpus]
         if extra:
             command.append(self.long_seeds())
@@ -108,21 +109,23 @@ def main(arguments=None):
     parser.add_argument("--frames", type=float, default=1e8, help="for each target of frames (1e8)")
     parser.add_argument("--minutes", type=float, default=600, help="for each target at most (600)")
     parser.add_argument("--chunk", type=int, default=CHUNK_S, help=f"seconds of a process ({CHUNK_S})")
+    parser.add_argument("--build", metavar="FOLDER", default=str(report.ROOT / "build/asan-ubsan"), help="another build of the targets")
     given = parser.parse_args(arguments)
+    programs = pathlib.Path(given.build).resolve() / "fuzz"
     given.inputs, given.frames = int(given.inputs), int(given.frames)
     names = given.targets or list(TARGETS)
     for name in names:
         if name not in TARGETS:
             parser.error(f"there is no target {name}: choose from {', '.join(TARGETS)}")
-        if not (PROGRAMS / name).exists():
-            parser.error(f"{PROGRAMS / name} does not exist: run tools/fuzz --seconds 1 first, which builds it")
+        if not (programs / name).exists():
+            parser.error(f"{programs / name} does not exist: run tools/fuzz --seconds 1 first, which builds it")
     out = report.Report("fuzz", given)
     out.figures["sanitizers"] = "address, undefined"
     results = out.figures["targets"] = {}
     interrupted = False
     try:
         for name in names:
-            target = Target(name, given.seed * 1_000_000)
+            target = Target(name, given.seed * 1_000_000, programs)
             results[name] = target.figures
             run(target, given, out)
     except KeyboardInterrupt:
