@@ -4,7 +4,6 @@
 #include <cerrno>
 #include <ctime>
 #include <poll.h>
-#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -33,11 +32,6 @@ void close_descriptor(Descriptor descriptor) { ::close(descriptor); }
 bool is_readable(Descriptor descriptor) {
   pollfd entry{descriptor, POLLIN, 0};
   return ::poll(&entry, 1, 0) > 0 && (entry.revents & POLLIN) != 0;
-}
-
-bool has_arrived(Descriptor descriptor) {
-  int bytes = 0;
-  return ::ioctl(descriptor, FIONREAD, &bytes) == 0 && bytes > 0;
 }
 
 bool wait_readable(Descriptor descriptor, Deadline deadline) { return wait_for(descriptor, POLLIN, deadline); }

@@ -43,11 +43,9 @@ class FileDescriptor {
 
 using Deadline = std::chrono::steady_clock::time_point;
 
-// Returns true if there is something to read now; does not wait.
+// Returns true if there is something to read now. Does not wait, but on a tty until a worker thread of the kernel has
+// delivered its bytes, which takes milliseconds on a busy machine.
 bool is_readable(Descriptor descriptor);
-// Returns true if the kernel has bytes for the reader now. On a pty this may miss bytes that a worker thread of the
-// kernel has not delivered yet; is_readable() waits for that thread, which takes many milliseconds on a busy machine.
-bool has_arrived(Descriptor descriptor);
 // Wait until the descriptor can be read (written), its peer is gone or the deadline has passed. Return false after the
 // deadline.
 bool wait_readable(Descriptor descriptor, Deadline deadline);

@@ -89,8 +89,6 @@ bool Pty::has_client() const {
   return (entry.revents & POLLIN) != 0 || (entry.revents & POLLHUP) == 0;
 }
 
-bool Pty::has_input() const { return is_readable(master_.get()); }
-
 void Pty::reset() {
   // Uses the device end, because bytes that a client has not read can be flushed only there. Bytes that a new client
   // has already written are on the master's side and stay.
@@ -100,7 +98,8 @@ void Pty::reset() {
     ::cfmakeraw(&settings);
     ::tcsetattr(device.get(), TCSANOW, &settings);
   }
-  ::tcflush(device.get(), TCIFLUSH);
+  // The flush does not reach bytes that a worker of the kernel has yet to deliver; is_readable() waits for that worker.
+  while (is_readable(device.get()) && ::tcflush(device.get(), TCIFLUSH) == 0) continue;
 }
 
 }  // namespace servodrome::links

@@ -21,8 +21,6 @@ class Pty {
 
   // Returns true if a client has the device open or has left bytes to read.
   bool has_client() const;
-  // Returns true if there are bytes of a client to read.
-  bool has_input() const;
   // Restores raw mode and discards the remaining traffic of the last client.
   void reset();
 

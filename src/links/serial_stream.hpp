@@ -1,28 +1,59 @@
 #pragma once
 
-#include <boost/asio/posix/stream_descriptor.hpp>
-#include <boost/asio/serial_port.hpp>
-#include <type_traits>
+#include <boost/asio/io_context.hpp>
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <string_view>
 
 #include "links/file_descriptor.hpp"
 
 namespace servodrome::links {
 
-// A serial port or a pty, served by Asio.
-#ifdef _WIN32
-using SerialStream = boost::asio::serial_port;
-#else
-using SerialStream = boost::asio::posix::stream_descriptor;
-#endif
+// The bytes of a serial port, or of a pty that programs open one after the other. The functions and the callbacks run
+// in the thread of the io_context and never block. On Linux another thread reads: poll() and read() of a tty wait until
+// a worker of the kernel has moved its bytes, on a busy machine for milliseconds.
+class SerialStream {
+ public:
+  class Owner {
+   public:
+    // A program has opened the other end.
+    virtual void on_open() = 0;
+    // The answer to read(): at least one byte, at most as many as it asked for.
+    virtual void on_bytes(std::string_view bytes) = 0;
+    // The bytes of earlier calls of write() are with the system.
+    virtual void on_written() {}
+    // The other end is closed, or the port is lost: a pending read() has no answer. Bytes that the program has not read
+    // are discarded, and do not reach the next one.
+    virtual void on_close() = 0;
 
-// Asio uses edge-triggered epoll, which can miss that a pty has become readable, because the kernel moves the bytes
-// through a work queue.
-inline constexpr bool stream_may_miss_input = !std::is_same_v<SerialStream, boost::asio::serial_port>;
+   protected:
+    ~Owner() = default;
+  };
 
-// The stream takes ownership of `descriptor`.
-inline SerialStream serial_stream(boost::asio::io_context& io, Descriptor descriptor) {
-  return {io, reinterpret_cast<SerialStream::native_handle_type>(descriptor)};
-}
-inline Descriptor descriptor_of(SerialStream& stream) { return reinterpret_cast<Descriptor>(stream.native_handle()); }
+  static constexpr std::size_t most_at_once = 1024;
+
+  virtual ~SerialStream() = default;
+  virtual bool is_open() const = 0;
+  // Reads up to `most` (1 to most_at_once) bytes as soon as there are any. Only while the stream is open and no read()
+  // is pending.
+  virtual void read(std::size_t most) = 0;
+  // Discards the bytes if the stream is not open. There is no limit: the owner checks unwritten() before.
+  virtual void write(std::string_view bytes) = 0;
+  virtual std::size_t unwritten() const = 0;
+  // Returns true if no program waits for on_open() and there are no bytes for a pending read(). Bytes whose on_bytes()
+  // is queued in the io_context do not count.
+  virtual bool settled() = 0;
+};
+
+// The stream of a serial port. It is open from the beginning until the port is lost (unplugged).
+std::unique_ptr<SerialStream> open_tty_stream(FileDescriptor tty, boost::asio::io_context& io,
+                                              SerialStream::Owner& owner);
+
+// The serial port of a simulated adapter, to which programs connect: a new pty at `path`, or on Windows the existing
+// port `path`, whose other end is the program's (a pair of virtual ports, or a cable). Windows does not show whether a
+// program has the other end open, so there the stream is open from the beginning. Throws LinkError.
+std::unique_ptr<SerialStream> open_adapter_stream(const std::string& path, boost::asio::io_context& io,
+                                                  SerialStream::Owner& owner);
 
 }  // namespace servodrome::links

@@ -1,13 +1,11 @@
 #pragma once
 
-#include <array>
-#include <boost/asio/steady_timer.hpp>
 #include <memory>
 #include <string>
 
-#include "links/adapter_port.hpp"
 #include "links/can/link.hpp"
 #include "links/can/slcan_protocol.hpp"
+#include "links/serial_stream.hpp"
 
 namespace servodrome::links {
 
@@ -16,7 +14,7 @@ namespace servodrome::links {
 // the bus, the adapter neither sends nor receives, like a real one. A host that opens the channel without S gets the
 // bus' bit rate. When the client closes the port, the channel closes and the client's settings are lost. A client that
 // does not read loses frames when more than 64 KiB wait for it.
-class SlcanLink final : public CanLink, private Receiver, private slcan::Controller {
+class SlcanLink final : public CanLink, private Receiver, private slcan::Controller, private SerialStream::Owner {
  public:
   static constexpr std::size_t most_waiting_bytes = 64 * 1024;
 
@@ -28,7 +26,7 @@ class SlcanLink final : public CanLink, private Receiver, private slcan::Control
   PortId port() const override { return port_; }
   std::string name() const override { return to_string(name_); }
   const LinkCounters& counters() const override { return counters_; }
-  bool settled() override;
+  bool settled() override { return stream_->settled(); }
 
  private:
   void on_frame(const canopen::Frame& frame, Time at) override;
@@ -41,30 +39,27 @@ class SlcanLink final : public CanLink, private Receiver, private slcan::Control
   bool transmit(const canopen::Frame& frame) override;
   std::uint8_t status_flags() override;
 
-  void wait_for_client();
-  void watch_input();
-  void read();
+  void on_open() override;
+  void on_bytes(std::string_view bytes) override;
+  void on_written() override { work(); }
+  void on_close() override;
+
   void work();
   void resume();
   void write();
-  void lose_client();
 
   SlcanName name_;
-  AdapterPort adapter_port_;
   CanBus& bus_;
+  boost::asio::io_context& io_;
   LineHost& host_;
   PortId port_;
   slcan::Adapter adapter_;
-  SerialStream& stream_;
-  boost::asio::steady_timer client_poll_;
+  std::unique_ptr<SerialStream> stream_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
-  std::array<char, 1024> input_{};
-  std::string_view unread_;
-  std::string writing_;
-  std::string waiting_;
+  std::string unread_;
+  std::string answers_;
   bool closing_ = false;  // the channel closes when all queued frames have been sent
   bool reading_ = false;
-  bool is_writing_ = false;
   bool paused_ = false;
   bool lost_frames_ = false;
   LinkCounters counters_;

@@ -3,6 +3,7 @@
 #include "links/serial/modbus_tcp_listener.hpp"
 #include "links/serial/stream_link.hpp"
 #include "links/serial/system_links.hpp"
+#include "links/serial/tty.hpp"
 
 namespace servodrome::links {
 namespace {
@@ -15,7 +16,10 @@ struct OpenSerialLink {
 
   std::unique_ptr<SerialLink> operator()(const PtyName& name) const { return open_pty_link(name, line, io, host); }
   std::unique_ptr<SerialLink> operator()(const TtyName& name) const {
-    return std::make_unique<TtyLink>(name, line, io, host);
+    const auto open = [&](SerialStream::Owner& owner) {
+      return open_tty_stream(open_tty(name.device, line.format()), io, owner);
+    };
+    return std::make_unique<StreamLink>(to_string(name), open, line, io, host);
   }
   std::unique_ptr<SerialLink> operator()(const ModbusTcpName& name) const {
     return std::make_unique<ModbusTcpListener>(name, line, units, io, host);

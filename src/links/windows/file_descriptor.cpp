@@ -120,8 +120,6 @@ bool is_readable(Descriptor descriptor) {
   return poll_socket(descriptor, POLLRDNORM, 0, found) && (found & POLLRDNORM) != 0;
 }
 
-bool has_arrived(Descriptor descriptor) { return is_readable(descriptor); }
-
 bool wait_readable(Descriptor descriptor, Deadline deadline) {
   if (is_socket(descriptor)) return wait_for_socket(descriptor, POLLRDNORM, deadline);
   while (serial_input(descriptor) == 0) {

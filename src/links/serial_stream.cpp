@@ -1,0 +1,255 @@
+#include "links/serial_stream.hpp"
+
+#include <array>
+#include <atomic>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <cerrno>
+#include <cstring>
+#include <poll.h>
+#include <sys/socket.h>
+#include <thread>
+#include <unistd.h>
+
+#include "links/link_error.hpp"
+#include "links/pty.hpp"
+
+namespace servodrome::links {
+namespace {
+
+using boost::system::error_code;
+
+// A pty gives no event when a program opens it again, so it is polled at this interval.
+constexpr int client_poll_ms = 10;
+// Retry interval while the other end does not take the bytes.
+constexpr auto full_port_wait = std::chrono::milliseconds(2);
+
+// The two threads exchange packets over a pair of sockets. They share no lock: if the reading thread lost the processor
+// while it has the lock, the other one would wait for it.
+//
+// An order: how many bytes to read, or `look`: to reset the pty and look for the next program. A report: one of these,
+// then the bytes that were read.
+using Order = std::uint32_t;
+constexpr Order look = 0;
+constexpr char opened = 'o';
+constexpr char bytes_read = 'b';
+constexpr char lost = 'l';
+constexpr char reset = 'r';  // nothing is left of the last program
+
+struct SocketPair {
+  SocketPair() {
+    std::array<int, 2> ends{};
+    if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) {
+      throw LinkError(std::error_code(errno, std::generic_category()), "a serial port needs two more descriptors");
+    }
+    first.reset(ends[0]);
+    second.reset(ends[1]);
+  }
+
+  FileDescriptor first;
+  FileDescriptor second;
+};
+
+// The thread that reads. It ends when the other end of its socket is closed.
+class Reader {
+ public:
+  // `pty`: null if `descriptor` is a tty.
+  Reader(int descriptor, Pty* pty, FileDescriptor socket)
+      : descriptor_(descriptor), pty_(pty), socket_(std::move(socket)), thread_([this] { run(); }) {}
+  Reader(const Reader&) = delete;
+  Reader& operator=(const Reader&) = delete;
+  ~Reader() { thread_.join(); }
+
+  // True from before it takes bytes from the port until they are in the socket.
+  bool moves_bytes() const { return moves_bytes_; }
+
+ private:
+  void run();
+  void look_for_program();
+  void read_bytes();
+  void report(char what, std::size_t bytes = 0) {
+    packet_[0] = what;
+    is_busy_ = false;
+    ::send(socket_.get(), packet_.data(), 1 + bytes, MSG_NOSIGNAL);
+  }
+
+  int descriptor_;
+  Pty* pty_;
+  FileDescriptor socket_;
+  Order order_ = look;
+  bool is_busy_ = false;  // the order is not carried out yet
+  std::array<char, 1 + SerialStream::most_at_once> packet_{};
+  std::atomic<bool> moves_bytes_ = false;
+  std::thread thread_;
+};
+
+void Reader::run() {
+  for (;;) {
+    const bool looks = is_busy_ && order_ == look;
+    const bool reads = is_busy_ && order_ != look;
+    std::array<pollfd, 2> entries{{{socket_.get(), POLLIN, 0}, {descriptor_, POLLIN, 0}}};
+    ::poll(entries.data(), reads ? 2 : 1, looks ? client_poll_ms : -1);
+    if (entries[0].revents != 0) {
+      if (::recv(socket_.get(), &order_, sizeof order_, 0) != sizeof order_) return;
+      if (order_ == look) {
+        pty_->reset();
+        report(reset);
+      }
+      is_busy_ = true;
+    }
+    if (is_busy_ && order_ == look) look_for_program();
+    if (reads && entries[1].revents != 0) read_bytes();
+  }
+}
+
+void Reader::look_for_program() {
+  if (pty_->has_client()) report(opened);
+}
+
+void Reader::read_bytes() {
+  moves_bytes_ = true;
+  const ssize_t size = ::read(descriptor_, packet_.data() + 1, order_);
+  if (size > 0) {
+    report(bytes_read, static_cast<std::size_t>(size));
+  } else if (size == 0 || (errno != EAGAIN && errno != EINTR)) {  // EIO: the other end is closed
+    report(lost);
+  }
+  moves_bytes_ = false;
+}
+
+class TtyStream final : public SerialStream {
+ public:
+  // One of `tty` and `pty`.
+  TtyStream(FileDescriptor tty, std::unique_ptr<Pty> pty, boost::asio::io_context& io, Owner& owner,
+            SocketPair sockets = {})
+      : pty_(std::move(pty)),
+        tty_(std::move(tty)),
+        descriptor_(pty_ ? pty_->master() : tty_.get()),
+        owner_(owner),
+        io_(io),
+        retry_(io),
+        reader_(descriptor_, pty_.get(), std::move(sockets.second)),
+        socket_(io, sockets.first.release()),
+        is_open_(!pty_) {
+    if (pty_) give(look);
+    wait_for_report();
+  }
+  TtyStream(const TtyStream&) = delete;
+  TtyStream& operator=(const TtyStream&) = delete;
+  ~TtyStream() override { *alive_ = false; }
+
+  bool is_open() const override { return is_open_; }
+  void read(std::size_t most) override {
+    is_reading_ = true;
+    give(static_cast<Order>(most));
+  }
+  void write(std::string_view bytes) override {
+    if (!is_open_) return;
+    unwritten_ += bytes;
+    if (!is_flush_due_) flush();
+  }
+  std::size_t unwritten() const override { return unwritten_.size(); }
+  bool settled() override;
+
+ private:
+  void give(Order order) { ::send(socket_.native_handle(), &order, sizeof order, MSG_NOSIGNAL); }
+  void wait_for_report();
+  void handle_report(std::size_t size);
+  void flush();
+
+  std::unique_ptr<Pty> pty_;
+  FileDescriptor tty_;
+  int descriptor_;
+  Owner& owner_;
+  boost::asio::io_context& io_;
+  boost::asio::steady_timer retry_;
+  std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
+  Reader reader_;
+  boost::asio::posix::stream_descriptor socket_;  // behind reader_, because that ends when this is closed
+  std::array<char, 1 + most_at_once> report_{};
+  std::string unwritten_;
+  bool is_open_;
+  bool had_program_ = false;
+  bool is_reading_ = false;
+  bool is_flush_due_ = false;
+};
+
+bool TtyStream::settled() {
+  if (!is_open_) return !pty_ || !pty_->has_client();
+  if (!is_reading_) return true;
+  // In the order in which bytes move on.
+  return !is_readable(descriptor_) && !reader_.moves_bytes() && !is_readable(socket_.native_handle());
+}
+
+void TtyStream::wait_for_report() {
+  socket_.async_read_some(boost::asio::buffer(report_), [this, alive = alive_](error_code code, std::size_t size) {
+    if (!*alive || code) return;
+    handle_report(size);
+    wait_for_report();
+  });
+}
+
+void TtyStream::handle_report(std::size_t size) {
+  switch (report_[0]) {
+    case opened:
+      is_open_ = had_program_ = true;
+      owner_.on_open();
+      return;
+    case bytes_read:
+      is_reading_ = false;
+      owner_.on_bytes({report_.data() + 1, size - 1});
+      return;
+    case lost:
+      is_open_ = is_reading_ = false;
+      unwritten_.clear();
+      if (!pty_) return owner_.on_close();
+      give(look);
+      return;
+    default:  // only now, when no byte for the last program can reach the next one; also before the first program
+      if (std::exchange(had_program_, false)) owner_.on_close();
+  }
+}
+
+// Bytes that follow before the io_context has run other handlers are written together.
+void TtyStream::flush() {
+  while (!unwritten_.empty()) {
+    const ssize_t written = ::write(descriptor_, unwritten_.data(), unwritten_.size());
+    if (written > 0) {
+      unwritten_.erase(0, static_cast<std::size_t>(written));
+    } else if (written == 0 || errno != EINTR) {
+      if (errno != EAGAIN) unwritten_.clear();  // the reader notices as well that the port is lost
+      break;
+    }
+  }
+  is_flush_due_ = true;
+  const auto again = [this, alive = alive_] {
+    if (!*alive) return;
+    is_flush_due_ = false;
+    if (!unwritten_.empty()) {
+      flush();
+    } else if (is_open_) {
+      owner_.on_written();
+    }
+  };
+  if (unwritten_.empty()) {
+    boost::asio::post(io_, again);
+    return;
+  }
+  retry_.expires_after(full_port_wait);
+  retry_.async_wait([again](error_code /*code*/) { again(); });
+}
+
+}  // namespace
+
+std::unique_ptr<SerialStream> open_tty_stream(FileDescriptor tty, boost::asio::io_context& io,
+                                              SerialStream::Owner& owner) {
+  return std::make_unique<TtyStream>(std::move(tty), nullptr, io, owner);
+}
+
+std::unique_ptr<SerialStream> open_adapter_stream(const std::string& path, boost::asio::io_context& io,
+                                                  SerialStream::Owner& owner) {
+  return std::make_unique<TtyStream>(FileDescriptor(), std::make_unique<Pty>(path), io, owner);
+}
+
+}  // namespace servodrome::links
