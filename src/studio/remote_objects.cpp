@@ -7,7 +7,7 @@
 namespace servodrome::studio {
 namespace {
 
-constexpr auto look_period = std::chrono::microseconds(500);
+constexpr auto answer_poll_period = std::chrono::microseconds(500);
 
 // If the caller leaves, also by an exception, the access is given up.
 class Wanted {
@@ -38,7 +38,7 @@ std::vector<std::byte> RemoteObjects::access(master::ObjectAddress object, bool 
   bus_.submit(access);
   const bool cleans_up = std::uncaught_exceptions() != 0;
   try {
-    while (!access->done) wait_(now_() + look_period);
+    while (!access->done) wait_(now_() + answer_poll_period);
   } catch (const Task::Ended&) {
     // A caller that is being ended restores what it has changed. The bus carries out these writes without it.
     if (!writes || !cleans_up) throw;

@@ -9,6 +9,7 @@ a failure is stored in build/fuzz/findings, and ends its target.
 tools/fuzz builds the targets with the address and undefined-behaviour sanitizers; this program needs that build.
 """
 
+import os
 import pathlib
 import random
 import re
@@ -19,14 +20,16 @@ import time
 
 import report
 
-FRAME_TARGETS = ("canopen_node_fuzz", "ethercat_fuzz", "modbus_fuzz", "serial10_fuzz")
-TARGETS = (*FRAME_TARGETS, "script_fuzz", "sniff_fuzz")
+FRAME_TARGETS = ("canopen_node_fuzz", "ethercat_fuzz", "modbus_fuzz", "serial10_fuzz", "link_fuzz", "answers_fuzz")
+TARGETS = (*FRAME_TARGETS, "script_fuzz", "sniff_fuzz", "files_fuzz", "api_fuzz")
 KEPT = report.ROOT / "build/fuzz"
 LONGEST = 4096
 LONG_INPUTS = ("-len_control=0", f"-max_len={LONGEST}", "-keep_seed=1")
 LONG_SEEDS = 16  # random bytes: libFuzzer makes its inputs from those that it has, and the corpus has short ones
 CHUNK_S = 60  # of one process: between two processes it prints progress and handles Ctrl-C
 FAILURE_S = 25  # an input that takes longer is a failure
+# The stacks of allocations take a third of the time of some targets; a repeated failure shows them.
+ENVIRONMENT = {"ASAN_OPTIONS": "malloc_context_size=1", **os.environ}
 
 
 def number(text, name):
@@ -47,6 +50,8 @@ class Target:
         self.findings = KEPT / "findings" / name
         self.corpus.mkdir(parents=True, exist_ok=True)
         self.findings.mkdir(parents=True, exist_ok=True)
+        self.seeds = KEPT / "seeds" / name
+        subprocess.run([sys.executable, str(report.ROOT / "fuzz/seeds.py"), name, str(self.seeds)], check=True)
 
     def long_seeds(self):
         folder = KEPT / "long" / self.name
@@ -60,12 +65,12 @@ class Target:
         """Runs one process. Returns None, or a description of the failure."""
         self.seed += 1
         command = [self.program, f"-seed={self.seed}", f"-timeout={FAILURE_S}", "-print_final_stats=1", *limit, *extra]
-        command += [f"-artifact_prefix={self.findings}/", self.corpus]
-        if extra:
+        command += [f"-artifact_prefix={self.findings}/", self.corpus, self.seeds]
+        if extra == LONG_INPUTS:
             command.append(self.long_seeds())
         began = time.monotonic()
         before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-        process = subprocess.run([str(word) for word in command], capture_output=True, text=True, errors="replace", check=False)
+        process = subprocess.run([str(word) for word in command], capture_output=True, text=True, errors="replace", check=False, env=ENVIRONMENT)
         self.figures["seconds"] += time.monotonic() - began
         self.figures["processor_seconds"] += resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
         text = process.stderr
@@ -84,7 +89,7 @@ class Target:
 def run(target, given, out):
     """Runs until the numbers are reached, the time is over, or a failure occurs."""
     end = time.monotonic() + given.minutes * 60
-    goals = [("inputs", given.inputs, ())]
+    goals = [("inputs", given.inputs, [f"-max_len={given.longest}"] if given.longest else ())]
     if target.name in FRAME_TARGETS:
         goals.append(("frames", given.frames, LONG_INPUTS))
     for figure, goal, extra in goals:
@@ -107,6 +112,7 @@ def main(arguments=None):
     parser.add_argument("targets", nargs="*", metavar="TARGET", help=f"of {', '.join(TARGETS)} (all)")
     parser.add_argument("--inputs", type=float, default=1e7, help="for each target (1e7)")
     parser.add_argument("--frames", type=float, default=1e8, help="for each target of frames (1e8)")
+    parser.add_argument("--longest", type=int, default=0, help="bytes of an input at most (libFuzzer chooses); not for the frames")
     parser.add_argument("--minutes", type=float, default=600, help="for each target at most (600)")
     parser.add_argument("--chunk", type=int, default=CHUNK_S, help=f"seconds of a process ({CHUNK_S})")
     parser.add_argument("--build", metavar="FOLDER", default=str(report.ROOT / "build/asan-ubsan"), help="another build of the targets")
@@ -118,7 +124,7 @@ def main(arguments=None):
         if name not in TARGETS:
             parser.error(f"there is no target {name}: choose from {', '.join(TARGETS)}")
         if not (programs / name).exists():
-            parser.error(f"{programs / name} does not exist: run tools/fuzz --seconds 1 first, which builds it")
+            parser.error(f"{programs / name} does not exist: run tools/fuzz --build first")
     out = report.Report("fuzz", given)
     out.figures["sanitizers"] = "address, undefined"
     results = out.figures["targets"] = {}
