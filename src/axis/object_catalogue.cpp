@@ -21,14 +21,29 @@ using Communication = canopen::CommunicationObjects<4, 4, 8>;
 
 char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
 
+bool is_ignored(char c) { return c == ' ' || c == '_' || c == '-'; }
+
 // Lower case, without blanks, underscores and hyphens.
 std::string plain(std::string_view text) {
   std::string result;
   for (const char c : text) {
-    if (c != ' ' && c != '_' && c != '-') result += lower(c);
+    if (!is_ignored(c)) result += lower(c);
   }
   return result;
 }
+
+// Removes plain(name) from the front of `wanted`. false: `wanted` begins with something else.
+bool take_plain(std::string_view name, std::string_view& wanted) {
+  for (const char c : name) {
+    if (is_ignored(c)) continue;
+    if (wanted.empty() || wanted.front() != lower(c)) return false;
+    wanted.remove_prefix(1);
+  }
+  return true;
+}
+
+// plain(name) == wanted, without a string in memory: a name is compared with those of hundreds of objects.
+bool is_plain(std::string_view name, std::string_view wanted) { return take_plain(name, wanted) && wanted.empty(); }
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
@@ -177,8 +192,8 @@ std::vector<const NamedObject*> ObjectCatalogue::find_short(std::string_view wan
   for (const NamedObject& object : objects_) {
     const std::string_view name = object.name;
     const std::string_view word = name.substr(0, name.find(' '));
-    const bool by_number = word != name && is_number(word) && plain(word) == wanted;
-    if (by_number || plain(name) == wanted) found.push_back(&object);
+    const bool by_number = word != name && is_number(word) && is_plain(word, wanted);
+    if (by_number || is_plain(name, wanted)) found.push_back(&object);
   }
   return found;
 }
@@ -194,11 +209,11 @@ ObjectAddress ObjectCatalogue::resolve(std::string_view text) const {
   bool in_parts = false;
   for (const NamedObject& object : objects_) {
     const bool simple = object.address.sub == 0 && object.name == object.object_name;
-    const std::string full = plain(object.object_name) + "." + plain(object.name);
-    if ((simple && plain(object.name) == wanted) || full == wanted) {
-      if (found == nullptr) found = &object;
-    }
-    in_parts = in_parts || (!simple && plain(object.object_name) == wanted);
+    std::string_view part = wanted;
+    const bool begins = take_plain(object.object_name, part);
+    const bool is_full = begins && part.starts_with('.') && is_plain(object.name, part.substr(1));
+    if (found == nullptr && (is_full || (simple && is_plain(object.name, wanted)))) found = &object;
+    in_parts = in_parts || (!simple && begins && part.empty());
   }
   if (found != nullptr) return found->address;
   const std::string where = fmt::format("object \"{}\"", text);
