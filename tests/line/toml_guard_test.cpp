@@ -1,9 +1,12 @@
 // Texts that the TOML library cannot handle safely, as line files.
 #include "line/toml_guard.hpp"
 
+#include <filesystem>
+#include <fstream>
 #include <gmock/gmock.h>
 
 #include "line/line_file.hpp"
+#include "line/toml_text.hpp"
 
 namespace servodrome::line {
 namespace toml_guard_test {
@@ -57,6 +60,20 @@ TEST(TomlGuard, RefusesOtherLettersOutsideOfQuotes) {
   }
   EXPECT_THAT(what_of("a.\"\xCE\xB0\" = [1, '\xCE\xB0', {\"\xCE\xB0\" = 1, b.'\xCE\xB0' = 2}]\n['\xCE\xB0'.b]"),
               HasSubstr("unknown key"));
+}
+
+TEST(TomlFile, HasAtMostOneMebibyte) {
+  constexpr std::size_t most = std::size_t{1} << 20;
+  const std::string path = testing::TempDir() + "toml_guard_test.toml";
+  for (const std::size_t size : {std::size_t{0}, most, most + 1}) {
+    std::ofstream(path, std::ios::binary) << std::string(size, '#');
+    std::vector<Diagnostic> diagnostics;
+    const auto text = read_text_file(path, "a line file", diagnostics);
+    EXPECT_EQ(text.has_value(), size <= most);
+    EXPECT_EQ(text.value_or("").size(), size <= most ? size : 0U);
+    EXPECT_EQ(diagnostics.size(), size <= most ? 0U : 1U);
+  }
+  std::filesystem::remove(path);
 }
 
 }  // namespace
