@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -55,6 +56,13 @@ FileDescriptor claim(const std::string& link_path, const std::string& what) {
   return socket;
 }
 
+// Bytes that a client has not read can be flushed only at the device's end. Those that a new client has already written
+// are on the master's side and stay. The flush does not reach bytes that a worker of the kernel has yet to deliver;
+// is_readable() waits for that worker.
+void discard_unread_at(const FileDescriptor& device) {
+  while (is_readable(device.get()) && ::tcflush(device.get(), TCIFLUSH) == 0) continue;
+}
+
 }  // namespace
 
 Pty::Pty(const std::string& link_path) : link_path_(link_path) {
@@ -90,16 +98,21 @@ bool Pty::has_client() const {
 }
 
 void Pty::reset() {
-  // Uses the device end, because bytes that a client has not read can be flushed only there. Bytes that a new client
-  // has already written are on the master's side and stay.
-  const FileDescriptor device(::open(device_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+  const FileDescriptor device = open_device();
   termios settings{};
   if (::tcgetattr(device.get(), &settings) == 0) {
     ::cfmakeraw(&settings);
     ::tcsetattr(device.get(), TCSANOW, &settings);
   }
-  // The flush does not reach bytes that a worker of the kernel has yet to deliver; is_readable() waits for that worker.
-  while (is_readable(device.get()) && ::tcflush(device.get(), TCIFLUSH) == 0) continue;
+  ::tcflow(device.get(), TCOON);
+  ::ioctl(device.get(), TIOCNXCL);
+  discard_unread_at(device);
+}
+
+void Pty::discard_unread() { discard_unread_at(open_device()); }
+
+FileDescriptor Pty::open_device() const {
+  return FileDescriptor(::open(device_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
 }
 
 }  // namespace servodrome::links

@@ -21,10 +21,15 @@ class Pty {
 
   // Returns true if a client has the device open or has left bytes to read.
   bool has_client() const;
-  // Restores raw mode and discards the remaining traffic of the last client.
+  // Takes back what the last client may have changed (mode, stopped output, exclusive use), and discards the bytes that
+  // it has not read. If the client has demanded exclusive use, this needs root.
   void reset();
+  // Discards bytes that no client has read.
+  void discard_unread();
 
  private:
+  FileDescriptor open_device() const;
+
   FileDescriptor master_;
   FileDescriptor claim_;  // reserves the path while the process runs
   std::string device_;

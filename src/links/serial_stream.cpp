@@ -1,17 +1,19 @@
 #include "links/serial_stream.hpp"
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <cerrno>
-#include <cstring>
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <thread>
 #include <unistd.h>
 
+#include "links/descriptor_advice.hpp"
 #include "links/link_error.hpp"
 #include "links/pty.hpp"
 
@@ -28,20 +30,23 @@ constexpr auto full_port_wait = std::chrono::milliseconds(2);
 // The two threads exchange packets over a pair of sockets. They share no lock: if the reading thread lost the processor
 // while it has the lock, the other one would wait for it.
 //
-// An order: how many bytes to read, or `look`: to reset the pty and look for the next program. A report: one of these,
-// then the bytes that were read.
+// An order: how many bytes to read, or `look` for the next program that opens the pty. Each order has one report, one
+// of these, then the bytes that were read; `gone` and `reset` come without an order.
 using Order = std::uint32_t;
 constexpr Order look = 0;
 constexpr char opened = 'o';
 constexpr char bytes_read = 'b';
-constexpr char lost = 'l';
-constexpr char reset = 'r';  // nothing is left of the last program
+constexpr char gone = 'g';   // the program has closed the port; what it has written can still be read
+constexpr char lost = 'l';   // it is gone, and everything is read
+constexpr char reset = 'r';  // nothing is left for the last program
 
 struct SocketPair {
   SocketPair() {
     std::array<int, 2> ends{};
     if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) {
-      throw LinkError(std::error_code(errno, std::generic_category()), "a serial port needs two more descriptors");
+      const std::error_code code(errno, std::generic_category());
+      throw LinkError(code, fmt::format("cannot connect the thread that reads a serial port: {}; {}", code.message(),
+                                        advice_for(code.value(), "end other programs")));
     }
     first.reset(ends[0]);
     second.reset(ends[1]);
@@ -51,34 +56,45 @@ struct SocketPair {
   FileDescriptor second;
 };
 
-// The thread that reads. It ends when the other end of its socket is closed.
+// The thread that reads. It ends when its socket, or the other end, is closed.
 class Reader {
  public:
   // `pty`: null if `descriptor` is a tty.
   Reader(int descriptor, Pty* pty, FileDescriptor socket)
-      : descriptor_(descriptor), pty_(pty), socket_(std::move(socket)), thread_([this] { run(); }) {}
+      : descriptor_(descriptor), pty_(pty), socket_(std::move(socket)), has_program_(pty == nullptr), thread_([this] {
+          run();
+        }) {}
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
-  ~Reader() { thread_.join(); }
+  ~Reader() {
+    ::shutdown(socket_.get(), SHUT_RDWR);
+    thread_.join();
+  }
 
   // True from before it takes bytes from the port until they are in the socket.
   bool moves_bytes() const { return moves_bytes_; }
 
  private:
   void run();
+  bool take_order();
   void look_for_program();
   void read_bytes();
-  void report(char what, std::size_t bytes = 0) {
+  void read_all();
+  void end_session();
+  void report(char what, std::string_view bytes = {}) {
     packet_[0] = what;
-    is_busy_ = false;
-    ::send(socket_.get(), packet_.data(), 1 + bytes, MSG_NOSIGNAL);
+    std::copy(bytes.begin(), bytes.end(), packet_.begin() + 1);
+    ::send(socket_.get(), packet_.data(), 1 + bytes.size(), MSG_NOSIGNAL);
   }
 
   int descriptor_;
   Pty* pty_;
   FileDescriptor socket_;
   Order order_ = look;
-  bool is_busy_ = false;  // the order is not carried out yet
+  bool is_busy_ = false;      // the order is not carried out yet
+  bool has_program_ = false;  // until it is gone
+  std::string backlog_;       // what a program wrote before it was gone
+  std::array<char, SerialStream::most_at_once> bytes_{};
   std::array<char, 1 + SerialStream::most_at_once> packet_{};
   std::atomic<bool> moves_bytes_ = false;
   std::thread thread_;
@@ -88,34 +104,77 @@ void Reader::run() {
   for (;;) {
     const bool looks = is_busy_ && order_ == look;
     const bool reads = is_busy_ && order_ != look;
-    std::array<pollfd, 2> entries{{{socket_.get(), POLLIN, 0}, {descriptor_, POLLIN, 0}}};
-    ::poll(entries.data(), reads ? 2 : 1, looks ? client_poll_ms : -1);
-    if (entries[0].revents != 0) {
-      if (::recv(socket_.get(), &order_, sizeof order_, 0) != sizeof order_) return;
-      if (order_ == look) {
-        pty_->reset();
-        report(reset);
+    // Without POLLIN, poll() reports only that the other end is closed.
+    std::array<pollfd, 2> entries{
+        {{socket_.get(), POLLIN, 0}, {descriptor_, static_cast<short>(reads ? POLLIN : 0), 0}}};
+    ::poll(entries.data(), has_program_ ? 2 : 1, looks ? client_poll_ms : -1);
+    if (entries[0].revents != 0 && !take_order()) return;
+    if (has_program_ && entries[1].revents != 0) {
+      if (reads) {
+        read_bytes();
+      } else {
+        read_all();
       }
-      is_busy_ = true;
     }
     if (is_busy_ && order_ == look) look_for_program();
-    if (reads && entries[1].revents != 0) read_bytes();
+    if (is_busy_ && order_ != look && !has_program_) {
+      const std::string bytes = backlog_.substr(0, order_);
+      backlog_.erase(0, bytes.size());
+      is_busy_ = false;
+      report(bytes.empty() ? lost : bytes_read, bytes);
+    }
   }
 }
 
+bool Reader::take_order() {
+  if (::recv(socket_.get(), &order_, sizeof order_, 0) != sizeof order_) return false;
+  is_busy_ = true;
+  if (order_ == look) {
+    pty_->discard_unread();  // the owner may have written before it knew that the program is gone
+    report(reset);
+  }
+  return true;
+}
+
 void Reader::look_for_program() {
-  if (pty_->has_client()) report(opened);
+  if (!pty_->has_client()) return;
+  has_program_ = true;
+  is_busy_ = false;
+  report(opened);
 }
 
 void Reader::read_bytes() {
   moves_bytes_ = true;
-  const ssize_t size = ::read(descriptor_, packet_.data() + 1, order_);
+  const ssize_t size = ::read(descriptor_, bytes_.data(), order_);
   if (size > 0) {
-    report(bytes_read, static_cast<std::size_t>(size));
+    is_busy_ = false;
+    report(bytes_read, {bytes_.data(), static_cast<std::size_t>(size)});
   } else if (size == 0 || (errno != EAGAIN && errno != EINTR)) {  // EIO: the other end is closed
-    report(lost);
+    end_session();
   }
   moves_bytes_ = false;
+}
+
+// The program is gone while the owner does not read. The rest is read now, so that the bytes of the next program are
+// not taken for its own.
+void Reader::read_all() {
+  for (;;) {
+    const ssize_t size = ::read(descriptor_, bytes_.data(), bytes_.size());
+    if (size > 0) {
+      backlog_.append(bytes_.data(), static_cast<std::size_t>(size));
+    } else if (size == 0 || (errno != EAGAIN && errno != EINTR)) {
+      break;
+    } else if (errno == EAGAIN) {
+      return;  // another program has opened it already
+    }
+  }
+  end_session();
+  report(gone);
+}
+
+void Reader::end_session() {
+  has_program_ = false;
+  if (pty_ != nullptr) pty_->reset();
 }
 
 class TtyStream final : public SerialStream {
@@ -145,7 +204,7 @@ class TtyStream final : public SerialStream {
     give(static_cast<Order>(most));
   }
   void write(std::string_view bytes) override {
-    if (!is_open_) return;
+    if (!is_open_ || is_gone_) return;
     unwritten_ += bytes;
     if (!is_flush_due_) flush();
   }
@@ -166,10 +225,11 @@ class TtyStream final : public SerialStream {
   boost::asio::steady_timer retry_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
   Reader reader_;
-  boost::asio::posix::stream_descriptor socket_;  // behind reader_, because that ends when this is closed
+  boost::asio::posix::stream_descriptor socket_;
   std::array<char, 1 + most_at_once> report_{};
   std::string unwritten_;
   bool is_open_;
+  bool is_gone_ = false;  // the program; it is open until everything is read
   bool had_program_ = false;
   bool is_reading_ = false;
   bool is_flush_due_ = false;
@@ -178,6 +238,7 @@ class TtyStream final : public SerialStream {
 bool TtyStream::settled() {
   if (!is_open_) return !pty_ || !pty_->has_client();
   if (!is_reading_) return true;
+  if (is_gone_) return false;  // on_bytes() or on_close() follows
   // In the order in which bytes move on.
   return !is_readable(descriptor_) && !reader_.moves_bytes() && !is_readable(socket_.native_handle());
 }
@@ -194,11 +255,17 @@ void TtyStream::handle_report(std::size_t size) {
   switch (report_[0]) {
     case opened:
       is_open_ = had_program_ = true;
+      is_gone_ = false;
       owner_.on_open();
       return;
     case bytes_read:
       is_reading_ = false;
       owner_.on_bytes({report_.data() + 1, size - 1});
+      return;
+    case gone:
+      is_gone_ = true;
+      unwritten_.clear();
+      owner_.on_written();
       return;
     case lost:
       is_open_ = is_reading_ = false;
@@ -218,7 +285,7 @@ void TtyStream::flush() {
     if (written > 0) {
       unwritten_.erase(0, static_cast<std::size_t>(written));
     } else if (written == 0 || errno != EINTR) {
-      if (errno != EAGAIN) unwritten_.clear();  // the reader notices as well that the port is lost
+      if (errno != EAGAIN) unwritten_.clear();
       break;
     }
   }

@@ -23,8 +23,10 @@ class SerialStream {
     virtual void on_bytes(std::string_view bytes) = 0;
     // The bytes of earlier calls of write() are with the system.
     virtual void on_written() {}
-    // The other end is closed, or the port is lost: a pending read() has no answer. Bytes that the program has not read
-    // are discarded, and do not reach the next one.
+    // The other end is closed and everything that the program has written is read, or the port is lost: a pending
+    // read() has no answer. Bytes that the program has not read are discarded. A program that opens a pty before the
+    // stream has noticed that the last one has closed it, some milliseconds on a busy machine, continues its session;
+    // the kernel shows no difference.
     virtual void on_close() = 0;
 
    protected:

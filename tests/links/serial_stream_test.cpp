@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <optional>
 #include <random>
+#include <termios.h>
 #include <unistd.h>
 
 #include "links/can_rig.hpp"
@@ -144,6 +145,61 @@ TEST_F(SerialStreamTest, WaitsForAProgramThatDoesNotRead) {
   EXPECT_EQ(client.text(), answer);
   ASSERT_TRUE(until([&] { return owner.written > 0; }));
   EXPECT_EQ(stream->unwritten(), 0U);
+}
+
+// A program that never reads and ends, while the owner does not read either: the owner gets what it has written, and
+// the next program gets nothing.
+TEST_F(SerialStreamTest, ProgramThatNeverReadsLeavesNothing) {
+  std::mt19937 draw(5);
+  RawClient client = open_client();
+  ASSERT_TRUE(until([&] { return owner.opened == 1; }));
+  stream->write(random_bytes(draw, 200'000));
+  client.write("commands");
+  EXPECT_GT(stream->unwritten(), 0U);
+  client.close();
+  ASSERT_TRUE(until([&] { return stream->unwritten() == 0 && owner.written > 0; }));
+  stream->write("for a program that is gone");
+  EXPECT_EQ(stream->unwritten(), 0U);
+  EXPECT_TRUE(stream->is_open()) << "its bytes are not read yet";
+  ASSERT_TRUE(until([&] {
+    read(3);
+    return owner.closed == 1;
+  }));
+  EXPECT_EQ(owner.received, "commands");
+  const RawClient next = open_client();
+  ASSERT_TRUE(until([&] { return owner.opened == 2; }));
+  stream->write("1");
+  ASSERT_TRUE(until([&] { return !next.text().empty(); }));
+  EXPECT_EQ(next.text(), "1");
+}
+
+// What a program has set is taken back when it ends; what the next one sets is left alone.
+TEST_F(SerialStreamTest, SettingsAreOfOneProgram) {
+  RawClient client = open_client();
+  ASSERT_TRUE(until([&] { return owner.opened == 1; }));
+  termios raw{};
+  ASSERT_EQ(::tcgetattr(client.descriptor(), &raw), 0);
+  EXPECT_EQ(raw.c_lflag & (ICANON | ECHO), 0U);
+  termios cooked = raw;
+  cooked.c_lflag |= ICANON | ECHO;
+  ASSERT_EQ(::tcsetattr(client.descriptor(), TCSANOW, &cooked), 0);
+  ASSERT_EQ(::tcflow(client.descriptor(), TCOOFF), 0);
+  read();
+  client.close();
+  ASSERT_TRUE(until([&] { return owner.closed == 1; }));
+  const RawClient next = open_client();
+  termios settings{};
+  ASSERT_EQ(::tcgetattr(next.descriptor(), &settings), 0);
+  EXPECT_EQ(settings.c_lflag, raw.c_lflag);
+  settings.c_cc[VMIN] = 0;
+  ASSERT_EQ(::tcsetattr(next.descriptor(), TCSANOW, &settings), 0);
+  next.write("x");
+  ASSERT_TRUE(until([&] {
+    read();
+    return owner.received == "x";
+  })) << "output is not stopped";
+  ASSERT_EQ(::tcgetattr(next.descriptor(), &settings), 0);
+  EXPECT_EQ(settings.c_cc[VMIN], 0);
 }
 
 // After settled() was true twice, with the handlers in between, all bytes that were written before have arrived.
