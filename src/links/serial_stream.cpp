@@ -117,11 +117,12 @@ void Reader::run() {
       }
     }
     if (is_busy_ && order_ == look) look_for_program();
-    if (is_busy_ && order_ != look && !has_program_) {
+    if (is_busy_ && order_ != look && (!has_program_ || !backlog_.empty())) {
       const std::string bytes = backlog_.substr(0, order_);
       backlog_.erase(0, bytes.size());
       is_busy_ = false;
       report(bytes.empty() ? lost : bytes_read, bytes);
+      moves_bytes_ = !backlog_.empty();
     }
   }
 }
@@ -158,6 +159,7 @@ void Reader::read_bytes() {
 // The program is gone while the owner does not read. The rest is read now, so that the bytes of the next program are
 // not taken for its own.
 void Reader::read_all() {
+  moves_bytes_ = true;
   for (;;) {
     const ssize_t size = ::read(descriptor_, bytes_.data(), bytes_.size());
     if (size > 0) {
@@ -165,11 +167,13 @@ void Reader::read_all() {
     } else if (size == 0 || (errno != EAGAIN && errno != EINTR)) {
       break;
     } else if (errno == EAGAIN) {
-      return;  // another program has opened it already
+      moves_bytes_ = !backlog_.empty();
+      return;  // another program has opened it already, and continues the session
     }
   }
   end_session();
   report(gone);
+  moves_bytes_ = !backlog_.empty();
 }
 
 void Reader::end_session() {
@@ -284,9 +288,10 @@ void TtyStream::flush() {
     const ssize_t written = ::write(descriptor_, unwritten_.data(), unwritten_.size());
     if (written > 0) {
       unwritten_.erase(0, static_cast<std::size_t>(written));
-    } else if (written == 0 || errno != EINTR) {
-      if (errno != EAGAIN) unwritten_.clear();
+    } else if (written == 0 || errno == EAGAIN) {
       break;
+    } else if (errno != EINTR) {
+      unwritten_.clear();
     }
   }
   is_flush_due_ = true;

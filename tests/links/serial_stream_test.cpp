@@ -8,6 +8,7 @@
 #include <optional>
 #include <random>
 #include <termios.h>
+#include <thread>
 #include <unistd.h>
 
 #include "links/can_rig.hpp"
@@ -171,6 +172,25 @@ TEST_F(SerialStreamTest, ProgramThatNeverReadsLeavesNothing) {
   stream->write("1");
   ASSERT_TRUE(until([&] { return !next.text().empty(); }));
   EXPECT_EQ(next.text(), "1");
+}
+
+// The next program may open the pty before the end of the last one is noticed, and while nothing is read.
+TEST_F(SerialStreamTest, BytesOfProgramsStayInOrder) {
+  std::string sent;
+  for (unsigned round = 0; round < 60; ++round) {
+    for (unsigned program = 0; program < 40; ++program) {
+      const RawClient client = open_client();
+      sent += static_cast<char>('0' + program);
+      client.write({&sent.back(), 1});
+      const bool is_seen = program > 0 || until([&] { return owner.opened > owner.closed; });
+      ASSERT_TRUE(is_seen);
+    }
+    ASSERT_TRUE(until([&] {
+      read(1 + round % 3);
+      return owner.received.size() == sent.size();
+    })) << round;
+    ASSERT_EQ(owner.received, sent) << round;
+  }
 }
 
 // What a program has set is taken back when it ends; what the next one sets is left alone.
