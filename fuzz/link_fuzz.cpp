@@ -157,25 +157,25 @@ socketcand::Words words_of(socketcand::ElementReader& reader, const std::string&
   return socketcand::Words(reader.element());
 }
 
-void talk_to_socketcand(Bytes input) {
-  read_elements(input, [](const socketcand::Words& words) {
-    const auto frame = socketcand::parse_send(words);
+// Both directions: a frame that was parsed and printed parses to the same frame.
+template <typename Parse, typename Format>
+void read_socketcand(Bytes input, const Parse& parse, const Format& format) {
+  read_elements(input, [&](const socketcand::Words& words) {
+    const auto frame = parse(words);
     if (!frame) return;
     check_frame(*frame);
     socketcand::ElementReader reader;
-    require(socketcand::parse_send(words_of(reader, socketcand::format_send(*frame))) == frame);
+    require(parse(words_of(reader, format(*frame))) == frame);
   });
 }
 
+void talk_to_socketcand(Bytes input) { read_socketcand(input, socketcand::parse_send, socketcand::format_send); }
+
 void read_socketcand_stream(Bytes input) {
-  read_elements(input, [](const socketcand::Words& words) {
-    const auto frame = socketcand::parse_frame(words);
-    if (!frame) return;
-    check_frame(*frame);
-    socketcand::ElementReader reader;
-    const std::string text = socketcand::format_frame(*frame, std::chrono::milliseconds(1500));
-    require(socketcand::parse_frame(words_of(reader, text)) == frame);
-  });
+  const auto format = [](const canopen::Frame& frame) {
+    return socketcand::format_frame(frame, std::chrono::milliseconds(1500));
+  };
+  read_socketcand(input, socketcand::parse_frame, format);
 }
 
 // ---- SocketCAN ----

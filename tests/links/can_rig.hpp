@@ -15,6 +15,7 @@
 
 #include "links/can/link.hpp"
 #include "links/file_descriptor.hpp"
+#include "links/until.hpp"
 
 namespace servodrome::links::test {
 
@@ -46,16 +47,9 @@ class Rig : public LineHost, public Receiver {
     }
   }
 
-  // Runs links and bus until the condition holds. Returns false after ten seconds: the test has failed.
+  // Runs links and bus: run_until().
   bool until(const std::function<bool()>& condition) {
-    const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(10);
-    while (!condition()) {
-      if (std::chrono::steady_clock::now() > give_up) return false;
-      io.restart();
-      io.run_one_for(std::chrono::milliseconds(5));
-      run_bus();
-    }
-    return true;
+    return run_until(io, condition, [this] { run_bus(); });
   }
 
   boost::asio::io_context io;

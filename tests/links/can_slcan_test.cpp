@@ -77,6 +77,10 @@ TEST_F(SlcanLinkTest, APathInUseIsRefusedAndStaysWithWhoHasIt) {
     }
     EXPECT_EQ(std::filesystem::read_symlink(path), device);
   }
+  // A port that a refused link left on the bus would acknowledge this frame, through a pointer to nothing.
+  rig.bus.transmit(rig.node, {.id = 0x81}, rig.time);
+  rig.run_bus();
+  EXPECT_EQ(rig.bus.error_state(rig.node), ErrorState::passive);
   // After the first link has ended, another one can use the path.
   link.reset();
   link = open_can_link(SlcanName{path.string()}, rig.bus, rig.io, rig);

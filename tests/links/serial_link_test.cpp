@@ -119,6 +119,11 @@ TEST_F(SerialLinkTest, WhatCannotBeOpened) {
   EXPECT_THAT(error_of("tcp:no.such.host.invalid:1"), testing::HasSubstr("is unknown"));
   const auto listener = rig.open("tcp:127.0.0.1:0");
   EXPECT_THAT(error_of(listener->name()), testing::HasSubstr("stop it or choose another port"));
+  // A station that a refused link left on the line would get these characters, through a pointer to nothing.
+  const auto link = rig.open("pty:" + path.string());
+  const RawClient client = open_tty();
+  client.write(text_of(enable));
+  EXPECT_TRUE(rig.until([&] { return hex_of_text(client.text()) == enable; }));
   SerialLine odd({.bit_rate = 12345});
   EXPECT_THROW(open_serial_link(TtyName{"/dev/null"}, odd, rig, rig.io, rig), LinkError);
 }

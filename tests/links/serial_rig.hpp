@@ -64,14 +64,9 @@ class SerialRig : public LineHost, public modbus::Units {
     io.run_one_for(std::chrono::milliseconds(5));
     run_line();
   }
-  // Runs links and line until the condition holds. Returns false after ten seconds: the test has failed.
+  // Runs links and line: run_until().
   bool until(const std::function<bool()>& condition) {
-    const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(10);
-    while (!condition()) {
-      if (std::chrono::steady_clock::now() > give_up) return false;
-      step();
-    }
-    return true;
+    return run_until(io, condition, [this] { run_line(); });
   }
 
   boost::asio::io_context io;

@@ -3,7 +3,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <functional>
 #include <gtest/gtest.h>
 #include <optional>
 #include <random>
@@ -49,15 +48,7 @@ struct SerialStreamTest : testing::Test {
     if (owner.asked != 0 || !stream->is_open()) return;
     stream->read(owner.asked = most);
   }
-  bool until(const std::function<bool()>& condition) {
-    const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-    while (!condition()) {
-      if (std::chrono::steady_clock::now() > give_up) return false;
-      io.restart();
-      io.run_one_for(std::chrono::milliseconds(5));
-    }
-    return true;
-  }
+  bool until(const std::function<bool()>& condition) { return test::run_until(io, condition); }
 
   std::string path = testing::TempDir() + fmt::format("servodrome_stream_{}", ::getpid());
   boost::asio::io_context io;

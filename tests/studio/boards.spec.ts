@@ -238,7 +238,12 @@ test('a script runs in sequence and ends at rest', async ({ page, open, line, pi
   await openBoard(page, open);
   const script = panel(page, 'There and back');
   const began = (await line.call<{ position_counts: number }>('GET', '/axes/reference')).position_counts;
-  await script.getByRole('button', { name: 'Run' }).click();
+  // While the plots load, the page moves under the pointer, and the press of a button that moves away has no effect: a person
+  // presses again.
+  await expect(async () => {
+    await script.getByRole('button', { name: 'Run' }).click({ timeout: 5000 });
+    await expect(script.getByRole('status')).not.toHaveText('', { timeout: 5000 });
+  }).toPass({ timeout: 60_000 });
   await expect(script.getByRole('status')).toHaveText('done', { timeout: 60_000 });
   await page.locator('.page').evaluate((element) => element.scrollTo(0, 0));
   await expect(page.getByText('imported from')).toHaveCount(0);

@@ -19,12 +19,12 @@ constexpr std::uint16_t error_warning_limit = 96;
 
 SlcanLink::SlcanLink(const SlcanName& name, CanBus& bus, boost::asio::io_context& io, LineHost& host)
     : name_(name),
+      stream_(open_adapter_stream(name.path, io, *this)),
       bus_(bus),
       io_(io),
       host_(host),
       port_(bus.attach(*this, link_queue_depth)),
-      adapter_(*this),
-      stream_(open_adapter_stream(name.path, io, *this)) {
+      adapter_(*this) {
   bus_.set_participation(port_, Participation::off);
   if (stream_->is_open()) on_open();
 }

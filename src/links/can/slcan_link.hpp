@@ -49,12 +49,12 @@ class SlcanLink final : public CanLink, private Receiver, private slcan::Control
   void write();
 
   SlcanName name_;
+  std::unique_ptr<SerialStream> stream_;  // before the port: if it cannot be opened, nothing stays on the bus
   CanBus& bus_;
   boost::asio::io_context& io_;
   LineHost& host_;
   PortId port_;
   slcan::Adapter adapter_;
-  std::unique_ptr<SerialStream> stream_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
   std::string unread_;
   std::string answers_;

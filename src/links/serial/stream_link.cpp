@@ -10,7 +10,7 @@ constexpr auto full_line_wait = std::chrono::milliseconds(5);
 
 StreamLink::StreamLink(std::string name, const Open& open, SerialLine& line, boost::asio::io_context& io,
                        LineHost& host)
-    : name_(std::move(name)), line_(line), host_(host), port_(line.attach(*this)), full_(io), stream_(open(*this)) {
+    : name_(std::move(name)), stream_(open(*this)), line_(line), host_(host), port_(line.attach(*this)), full_(io) {
   if (stream_->is_open()) on_open();
 }
 

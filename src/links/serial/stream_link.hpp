@@ -39,11 +39,11 @@ class StreamLink final : public SerialLink, private SerialStation, private Seria
   void read();
 
   std::string name_;
+  std::unique_ptr<SerialStream> stream_;  // before the port: if it cannot be opened, nothing stays on the line
   SerialLine& line_;
   LineHost& host_;
   SerialPortId port_;
   boost::asio::steady_timer full_;
-  std::unique_ptr<SerialStream> stream_;
   LinkCounters counters_;
 };
 
