@@ -9,6 +9,7 @@
 #include "axis/axis402.hpp"
 #include "axis/axis_units.hpp"
 #include "links/link_scheme.hpp"
+#include "links/time.hpp"
 #include "master/canopen/bus.hpp"
 #include "master/canopen/scan.hpp"
 #include "master/canopen/sdo_client.hpp"
@@ -36,9 +37,7 @@ struct BusOptions {
   // Not an option: callback for the traffic on the link.
   links::Heard heard{};
 
-  master::Time timeout() const {
-    return std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(timeout_s));
-  }
+  master::Time timeout() const { return links::from_seconds(timeout_s); }
   master::Time answer_timeout() const {
     return timeout_is_for_motion ? master::Time(std::chrono::seconds(1)) : timeout();
   }

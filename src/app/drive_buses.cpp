@@ -6,6 +6,7 @@
 #include "app/commands.hpp"
 #include "app/drive_group.hpp"
 #include "links/number_text.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::app {
 namespace {
@@ -43,7 +44,7 @@ class OpenGroup final : public studio::OpenBus {
   std::optional<Watch> watch_of(std::size_t drive) override {
     const auto within = group_.watched_within(drive);
     if (!within) return std::nullopt;
-    return Watch{group_.operates() ? "sync manager" : "heartbeat", std::chrono::duration<double>(*within).count()};
+    return Watch{group_.operates() ? "sync manager" : "heartbeat", links::to_seconds(*within)};
   }
 
  private:

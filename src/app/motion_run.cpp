@@ -4,6 +4,7 @@
 
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::app {
 
@@ -36,7 +37,7 @@ void run_motion(const MotionOptions& options, const std::function<Motion(const U
     axis.enable();
     start = link.objects().now();
     result = motion(axis, motion_progress(axis, options.bus.json, scale));
-    seconds = std::chrono::duration<double>(link.objects().now() - start).count();
+    seconds = links::to_seconds(link.objects().now() - start);
     position = axis.position();
     // A slave that leaves OP while its motor is on goes to fault.
     if (options.disable || link.operates()) axis.disable();

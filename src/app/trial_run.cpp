@@ -13,6 +13,7 @@
 #include "app/interrupt_guard.hpp"
 #include "line/line_file.hpp"
 #include "line/line_server.hpp"
+#include "links/time.hpp"
 #include "scenario/director.hpp"
 #include "scenario/parse.hpp"
 #include "scenario/standard.hpp"
@@ -190,8 +191,7 @@ class Supervisor {
     }
     if (Clock::now() >= begun_ + slowest * (duration + time_to_terminate + after_) + least_limit) {
       result_.reason = fmt::format("the machine is too busy: the line has run for {:.1f} s in {:.0f} s",
-                                   std::chrono::duration<double>(now).count(),
-                                   std::chrono::duration<double>(Clock::now() - begun_).count());
+                                   links::to_seconds(now), links::to_seconds(Clock::now() - begun_));
       return server_.stop();
     }
     if (!director_.master_end()) {

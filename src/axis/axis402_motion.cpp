@@ -8,6 +8,7 @@
 #include "axis/axis402.hpp"
 #include "axis/cia402_words.hpp"
 #include "catalogue/product.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::master {
 namespace {
@@ -86,8 +87,7 @@ void Axis402::follow(Time timeout, const Progress& progress, const std::string& 
     if (now >= deadline) {
       const std::int32_t at = position();
       const std::string problem = try_to_stop();
-      fail(fmt::format("{} took longer than {:g} s and {}; position was {}", doing,
-                       std::chrono::duration<double>(timeout).count(),
+      fail(fmt::format("{} took longer than {:g} s and {}; position was {}", doing, links::to_seconds(timeout),
                        problem.empty() ? "was stopped" : fmt::format("could not be stopped ({})", problem), at),
            "check speeds, limits and load, or give a longer timeout");
     }

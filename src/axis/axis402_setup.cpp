@@ -4,6 +4,7 @@
 
 #include "axis/axis402.hpp"
 #include "catalogue/product.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::master {
 namespace {
@@ -135,8 +136,7 @@ ProbePositions Axis402::wait_for_probe(const ProbeRequest& request, Time timeout
       };
       if (enabled_before) try_to_stop();
       fail(fmt::format("{} took longer than {:g} s (positive edge: {}, negative edge: {})", doing,
-                       std::chrono::duration<double>(timeout).count(),
-                       came(request.positive_edge, seen.positive.has_value()),
+                       links::to_seconds(timeout), came(request.positive_edge, seen.positive.has_value()),
                        came(request.negative_edge, seen.negative.has_value())),
            "check the probe's wiring and the travel; a drive may accept an edge that it does not support");
     }

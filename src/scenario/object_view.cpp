@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "links/time.hpp"
 #include "scenario/director.hpp"
 
 namespace servodrome::scenario {
@@ -68,7 +69,7 @@ std::int64_t ObjectView::shown(const RuleRun& rule, const Show& show, std::uint8
     case Show::How::negate: return -value;
     case Show::How::late: return memory.history.empty() ? value : mixed(value, memory.history.front().value, show.mask);
     case Show::How::drift: {
-      const double seconds = std::chrono::duration<double>(now - rule.began).count();
+      const double seconds = links::to_seconds(now - rule.began);
       return value + std::llround(static_cast<double>(show.number) * seconds);
     }
   }

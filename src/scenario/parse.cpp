@@ -6,6 +6,7 @@
 #include <set>
 
 #include "line/toml_text.hpp"
+#include "links/time.hpp"
 #include "scenario/parse_parts.hpp"
 #include "scenario/standard.hpp"
 #include "scenario/words.hpp"
@@ -91,12 +92,12 @@ class Reader {
     if (!path.empty()) scenario_.line = (folder_ / path).lexically_normal().string();
     reader.read("seed", scenario_.seed, 0, INT64_MAX);
     if (const auto status = read_word(reader, "master", status_words)) scenario_.master = *status;
-    double seconds = std::chrono::duration<double>(scenario_.duration).count();
+    double seconds = links::to_seconds(scenario_.duration);
     reader.read("duration_s", seconds);
     if (seconds <= 0 || seconds > longest_trial_s) {
       reader.complain("duration_s", "is out of range", fmt::format("expected up to {} seconds", longest_trial_s));
     } else {
-      scenario_.duration = std::chrono::duration_cast<Time>(std::chrono::duration<double>(seconds));
+      scenario_.duration = links::from_seconds(seconds);
     }
     if (const toml::table* waive = reader.table("waive", "waive")) read_waived(*waive);
     for (const toml::table* rule : reader.tables("rule", "rule")) read_rule(*rule);

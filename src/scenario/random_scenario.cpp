@@ -9,6 +9,7 @@
 
 #include "line/toml_text.hpp"
 #include "links/disturbance_generator.hpp"
+#include "links/time.hpp"
 #include "scenario/document.hpp"
 #include "scenario/parse.hpp"
 
@@ -90,8 +91,7 @@ std::string random_scenario(const std::vector<std::string>& files, std::uint64_t
   const auto path = std::filesystem::relative(chosen.front().scenario.line, folder);
   return fmt::format("title = {}\nline = {}\nseed = {}\nduration_s = {}\n{}",
                      line::toml_quoted(fmt::format("Random: {}", fmt::join(stems, ", "))),
-                     line::toml_quoted(path.generic_string()), draws.next() >> 2U,
-                     std::chrono::duration<double>(duration).count(), rules);
+                     line::toml_quoted(path.generic_string()), draws.next() >> 2U, links::to_seconds(duration), rules);
 }
 
 }  // namespace servodrome::scenario

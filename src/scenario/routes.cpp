@@ -5,6 +5,7 @@
 
 #include "api/body_reader.hpp"
 #include "api/query.hpp"
+#include "links/time.hpp"
 #include "scenario/catalogue.hpp"
 #include "scenario/director.hpp"
 #include "scenario/parse.hpp"
@@ -18,9 +19,7 @@ using api::Json;
 
 constexpr const char* api_place = "scenario";
 
-double seconds(Time time) { return std::chrono::duration<double>(time).count(); }
-
-Json seconds_or_null(const std::optional<Time>& time) { return time ? Json(seconds(*time)) : Json(nullptr); }
+Json seconds_or_null(const std::optional<Time>& time) { return time ? Json(links::to_seconds(*time)) : Json(nullptr); }
 
 Routes& routes_of(const api::Call& call) { return *static_cast<Routes*>(call.context); }
 
@@ -123,7 +122,7 @@ Json Routes::show() const {
   for (const Verdict& verdict : director_->verdicts()) {
     expectations.push_back({{"name", verdict.name},
                             {"outcome", outcomes[static_cast<std::size_t>(verdict.outcome)]},
-                            {"at_s", seconds(verdict.at)},
+                            {"at_s", links::to_seconds(verdict.at)},
                             {"found", verdict.found}});
   }
   return Json{{"title", director_->scenario().title},

@@ -7,6 +7,8 @@
 #include <fmt/ranges.h>
 #include <map>
 
+#include "links/time.hpp"
+
 namespace servodrome::scenario {
 namespace {
 
@@ -29,8 +31,6 @@ std::string folder_of(const std::string& path) { return std::filesystem::path(pa
 
 std::string stem_of(const std::string& path) { return std::filesystem::path(path).stem().string(); }
 
-double seconds(Time time) { return std::chrono::duration<double>(time).count(); }
-
 constexpr std::array verdict_words{"passed", "failed", "not reached"};
 
 std::string_view word_of(Outcome outcome) { return verdict_words[static_cast<std::size_t>(outcome)]; }
@@ -50,7 +50,7 @@ std::string found_of(const TrialJson& trial) {
 TrialJson json_of(const BusExcerpt& bus) {
   TrialJson lines = TrialJson::array();
   for (const TrafficLine& line : bus.lines) {
-    lines.push_back({{"at_s", seconds(line.at)},
+    lines.push_back({{"at_s", links::to_seconds(line.at)},
                      {"kind", word_of(line.kind)},
                      {"from", line.from},
                      {"raw", line.raw},
@@ -69,7 +69,7 @@ std::string traffic_of(const TrialResult& one) {
     text += "<table class=\"traffic\">\n";
     for (const TrafficLine& line : bus.lines) {
       text += fmt::format("<tr class=\"{}\"><td>{:.6f}<td>{}<td><code>{}</code><td>{}\n", word_of(line.kind),
-                          seconds(line.at), escaped(line.from), escaped(line.raw), escaped(line.text));
+                          links::to_seconds(line.at), escaped(line.from), escaped(line.raw), escaped(line.text));
     }
     text += "</table></details>\n";
   }
@@ -99,13 +99,13 @@ TrialJson json_of(const TrialResult& result) {
                  {"reason", result.reason},
                  {"exit_status", result.exit_status},
                  {"was_ended", result.was_ended},
-                 {"seconds", seconds(result.duration)},
+                 {"seconds", links::to_seconds(result.duration)},
                  {"expectations", TrialJson::array()},
                  {"rules", TrialJson::array()}};
   for (const Verdict& verdict : result.verdicts) {
     view["expectations"].push_back({{"name", verdict.name},
                                     {"outcome", word_of(verdict.outcome)},
-                                    {"at_s", seconds(verdict.at)},
+                                    {"at_s", links::to_seconds(verdict.at)},
                                     {"found", verdict.found}});
   }
   for (const RuleReport& rule : result.rules) view["rules"].push_back({{"name", rule.name}, {"acts", rule.acts}});
@@ -175,14 +175,14 @@ std::string html_section_of(const TrialResult& one) {
   }
   text += "</table>\n<table><tr><th>expectation<th>verdict<th>at<th>found\n";
   for (const Verdict& verdict : one.verdicts) {
-    text +=
-        fmt::format("<tr><td>{}<td class=\"{}\">{}<td>{:.3f} s<td>{}\n", escaped(verdict.name),
-                    word_of(verdict.outcome), word_of(verdict.outcome), seconds(verdict.at), escaped(verdict.found));
+    text += fmt::format("<tr><td>{}<td class=\"{}\">{}<td>{:.3f} s<td>{}\n", escaped(verdict.name),
+                        word_of(verdict.outcome), word_of(verdict.outcome), links::to_seconds(verdict.at),
+                        escaped(verdict.found));
   }
   text += "</table>\n<table><tr><th>rule<th>acts<th>first\n";
   for (const RuleReport& rule : one.rules) {
     text += fmt::format("<tr><td>{}<td>{}<td>{}\n", escaped(rule.name), rule.acts,
-                        rule.first_act ? fmt::format("{:.3f} s", seconds(*rule.first_act)) : "");
+                        rule.first_act ? fmt::format("{:.3f} s", links::to_seconds(*rule.first_act)) : "");
   }
   text += fmt::format("</table>\n{}\n", one.picture);
   text += traffic_of(one);

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <utility>
 
+#include "links/time.hpp"
 #include "scenario/standard.hpp"
 
 namespace servodrome::scenario {
@@ -43,8 +44,7 @@ void judge(TrialResult& result) {
     verdict.outcome = result.was_ended ? Outcome::failed : Outcome::passed;
     verdict.at = result.master_end;
     if (result.was_ended) {
-      verdict.found =
-          fmt::format("the trial ended it after {} s", std::chrono::duration<double>(result.scenario.duration).count());
+      verdict.found = fmt::format("the trial ended it after {} s", links::to_seconds(result.scenario.duration));
     } else if (const char* signal = crash_of(result.exit_status)) {
       verdict.outcome = Outcome::failed;
       verdict.found = fmt::format("{} ended it (status {})", signal, result.exit_status);

@@ -2,6 +2,7 @@
 
 #include "axis/cia402_words.hpp"
 #include "catalogue/product.hpp"
+#include "links/time.hpp"
 #include "studio/drive_bus.hpp"
 
 // The accesses of a bus to its drives: those of callers, the samples and the polls of the states.
@@ -84,7 +85,7 @@ void DriveBus::note_access(bool answered, Clock::duration took) {
     return;
   }
   constexpr double weight = 0.05;
-  state_.access_s += weight * (std::chrono::duration<double>(took).count() - state_.access_s);
+  state_.access_s += weight * (links::to_seconds(took) - state_.access_s);
 }
 
 // The drive has not answered an access. Each access to a silent drive takes its whole timeout, so the waiting reads get

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "axis/cia402_words.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -141,7 +142,7 @@ void follow(master::Axis402& axis, const Excitation& excitation, const std::func
   Target target(axis, excitation);
   const master::Time began = objects.now();
   for (master::Time next = began;;) {
-    const double seconds = duration<double>(objects.now() - began).count();
+    const double seconds = links::to_seconds(objects.now() - began);
     if (seconds >= excitation.seconds) break;
     if (cancelled && cancelled()) throw master::Cancelled("cancelled", objects.where(), "start the job again");
     target.write(excitation.shape(seconds));

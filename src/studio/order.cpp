@@ -8,6 +8,7 @@
 
 #include "catalogue/product.hpp"
 #include "links/nearest_name.hpp"
+#include "links/time.hpp"
 #include "studio/excitation.hpp"
 #include "studio/tuning_order.hpp"
 
@@ -17,7 +18,6 @@ namespace {
 using api::ApiError;
 using api::BodyReader;
 using CarryOut = std::function<void(master::Axis402&, Conduct&)>;
-using Target = Order::Target;
 
 constexpr double longest_timeout_s = 3600.0;
 constexpr double usual_timeout_s = 60.0;
@@ -81,11 +81,11 @@ class Numbers {
   }
   master::Time timeout() {
     const double seconds = body_.number("timeout_s", 0.0, longest_timeout_s).value_or(usual_timeout_s);
-    return std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(seconds));
+    return links::from_seconds(seconds);
   }
   BodyReader& body() { return body_; }
   const Scale& scale() const { return scale_; }
-  std::optional<Target> target{};  // of a move that stays within the travel
+  std::optional<Order::Target> target{};  // of a move that stays within the travel
   // In the drive's units, whatever units the request uses.
   std::optional<catalogue::AxisUnits> revolution() const { return units_(); }
   catalogue::AxisUnits needed_revolution(const char* remedy) const { return reported(units_, remedy); }
@@ -131,7 +131,7 @@ CarryOut move(Numbers& numbers) {
   }
   // `beyond`: for example to try a limit switch.
   const bool beyond = numbers.body().boolean("beyond").value_or(false);
-  if (!beyond) numbers.target = Target{to ? *to : *by, by.has_value()};
+  if (!beyond) numbers.target = Order::Target{to ? *to : *by, by.has_value()};
   const master::MotionProfile profile = numbers.profile(true);
   return [to, by, profile, timeout = numbers.timeout()](master::Axis402& axis, Conduct&) {
     if (to) {

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "drive/power/power_state.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::studio {
 namespace {
@@ -40,10 +41,9 @@ std::string state_strips_of(const line::Line& line, const scenario::ShaftLog& lo
       "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0:g}\" height=\"{1:g}\" viewBox=\"0 0 {0:g} {1:g}\" "
       "font-family=\"sans-serif\" font-size=\"11\" fill=\"#222222\">\n",
       picture_width, height);
-  const auto span = std::chrono::duration<double>(log.times().back() - log.times().front()).count();
+  const auto span = links::to_seconds(log.times().back() - log.times().front());
   const auto x_of = [&](std::size_t row) {
-    return plot_left +
-           std::chrono::duration<double>(log.times()[row] - log.times().front()).count() / span * plot_width;
+    return plot_left + links::to_seconds(log.times()[row] - log.times().front()) / span * plot_width;
   };
   for (std::size_t axis = 0; axis < line.axes().size(); ++axis) {
     const double top = static_cast<double>(axis) * (strip_height + strip_gap);
@@ -58,8 +58,7 @@ std::string state_strips_of(const line::Line& line, const scenario::ShaftLog& lo
       text += fmt::format(
           "<rect x=\"{:.2f}\" y=\"{:g}\" width=\"{:.2f}\" height=\"{:g}\" fill=\"{}\" stroke=\"#888888\" "
           "stroke-width=\".5\"><title>{} from {:.3f} s</title></rect>\n",
-          x_of(begin), top, piece, strip_height, look.colour, look.name,
-          std::chrono::duration<double>(log.times()[begin]).count());
+          x_of(begin), top, piece, strip_height, look.colour, look.name, links::to_seconds(log.times()[begin]));
       if (piece > character_width * static_cast<double>(look.name.size())) {
         text += fmt::format("<text x=\"{:.2f}\" y=\"{:g}\" pointer-events=\"none\">{}</text>\n", x_of(begin) + 4,
                             top + 13, look.name);

@@ -3,6 +3,7 @@
 #include <array>
 
 #include "api/body_reader.hpp"
+#include "links/time.hpp"
 #include "scenario/trial_report.hpp"
 
 namespace servodrome::studio {
@@ -65,11 +66,11 @@ Json TrialRoutes::begin(const std::string& body) {
   result_ = {};
   result_.path = file;
   result_.scenario = begun.scenario();
-  const auto after = std::chrono::duration_cast<line::Time>(std::chrono::duration<double>(after_s));
+  const auto after = links::from_seconds(after_s);
   record_ = std::make_unique<TrialRecord>(line_, result_.scenario.duration + after);
   scenarios_.begin_trial();
   return Json{{"title", result_.scenario.title},
-              {"duration_s", std::chrono::duration<double>(result_.scenario.duration).count()},
+              {"duration_s", links::to_seconds(result_.scenario.duration)},
               {"seed", result_.scenario.seed}};
 }
 

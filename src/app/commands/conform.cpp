@@ -11,6 +11,7 @@
 #include "app/whole_file.hpp"
 #include "catalogue/product.hpp"
 #include "links/nearest_name.hpp"
+#include "links/time.hpp"
 #include "tools/conform/report.hpp"
 
 namespace servodrome::app {
@@ -93,7 +94,7 @@ nlohmann::ordered_json json_of(const Outcome& outcome) {
           {"title", outcome.check->title},
           {"verdict", verdict},
           {"reason", outcome.reason},
-          {"seconds", std::chrono::duration<double>(outcome.duration).count()},
+          {"seconds", links::to_seconds(outcome.duration)},
           {"observations", std::move(observations)}};
 }
 

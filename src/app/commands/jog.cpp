@@ -5,6 +5,7 @@
 #include "app/motion_run.hpp"
 #include "axis/cia402_words.hpp"
 #include "axis/jog_keys.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::app {
 namespace jog_command {
@@ -32,7 +33,7 @@ void jog(const JogOptions& options) {
     const master::MotionProfile profile{.acceleration = acceleration, .deceleration = acceleration};
     return [&options, velocity, profile](master::Axis402& axis, const master::Axis402::Progress& progress) {
       if (options.seconds) {
-        const auto duration = std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(*options.seconds));
+        const auto duration = links::from_seconds(*options.seconds);
         axis.jog_for(duration, velocity, profile, progress);
       } else {
         const auto now = [&axis] { return axis.objects().now(); };
@@ -59,7 +60,7 @@ void torque(const TorqueOptions& options) {
   if (options.slope) profile.slope = whole_units<std::uint32_t>(*options.slope * 10.0, "--slope", *options.slope);
   run_motion(options, [&](const Units&) -> Motion {
     return [&options, permille, profile](master::Axis402& axis, const master::Axis402::Progress& progress) {
-      const auto seconds = std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(options.seconds));
+      const auto seconds = links::from_seconds(options.seconds);
       std::optional<double> most_percent;
       bool reached = false;
       try {

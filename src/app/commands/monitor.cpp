@@ -9,6 +9,7 @@
 #include "app/number_options.hpp"
 #include "app/object_names.hpp"
 #include "app/unit_options.hpp"
+#include "links/time.hpp"
 #include "tools/sniff/can_decoder.hpp"
 
 namespace servodrome::app {
@@ -24,9 +25,7 @@ struct Options {
   UnitOptions units{};
 };
 
-double seconds_between(master::Time start, master::Time end) {
-  return std::chrono::duration<double>(end - start).count();
-}
+double seconds_between(master::Time start, master::Time end) { return links::to_seconds(end - start); }
 
 // Calls `step`, which lets the bus run for a while, until the time is over or Ctrl-C.
 template <typename Clock, typename Step>
@@ -41,9 +40,7 @@ void repeat(const Clock& clock, const Options& options, const Step& step) {
 // Waits until the next poll of the drive, or the end.
 void wait_for_next(master::ObjectClient& objects, const Options& options, master::Time start) {
   constexpr master::Time slice = std::chrono::milliseconds(50);
-  const auto duration = [](double seconds) {
-    return std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(seconds));
-  };
+  const auto duration = [](double seconds) { return links::from_seconds(seconds); };
   master::Time end = objects.now() + duration(options.interval_s);
   if (options.seconds > 0) end = std::min(end, start + duration(options.seconds));
   while (!InterruptGuard::interrupted() && objects.now() < end) objects.wait(std::min(slice, end - objects.now()));

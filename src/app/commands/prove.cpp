@@ -13,6 +13,7 @@
 #include "catalogue/product.hpp"
 #include "line/registry.hpp"
 #include "links/nearest_name.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::app {
 namespace prove_command {
@@ -123,9 +124,7 @@ void prove(master::Axis402& axis, Outcome& outcome, const Options& options) {
   axis.reset_fault();
   axis.enable();
   master::ObjectClient& objects = axis.objects();
-  const auto seconds_since = [&](master::Time since) {
-    return std::chrono::duration<double>(objects.now() - since).count();
-  };
+  const auto seconds_since = [&](master::Time since) { return links::to_seconds(objects.now() - since); };
 
   master::Time start = objects.now();
   axis.home(homing, options.bus.timeout(), motion_progress(axis, options.bus.json));

@@ -15,6 +15,7 @@
 #include "app/object_names.hpp"
 #include "app/script_file.hpp"
 #include "app/whole_file.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::app {
 namespace run_command {
@@ -98,7 +99,7 @@ void carry_out(const Options& options, const Script& script, nlohmann::ordered_j
   run_options.progress = [shown = motion_progress(*axes.front(), options.bus.json || options.quiet)](
                              const master::AxisStatus& status) mutable { shown(status); };
   run_options.done = [&](const Step& step, master::Time took, const std::string& said) {
-    const double seconds = std::chrono::duration<double>(took).count();
+    const double seconds = links::to_seconds(took);
     if (options.bus.json) {
       steps.push_back({{"line", step.place.line}, {"text", step.source}, {"seconds", seconds}, {"said", said}});
       return;

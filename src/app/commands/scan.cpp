@@ -10,6 +10,7 @@
 #include "app/recognition.hpp"
 #include "links/link_scheme.hpp"
 #include "links/local_buses.hpp"
+#include "links/time.hpp"
 #include "master/ethercat/scan.hpp"
 #include "master/modbus/scan.hpp"
 
@@ -321,7 +322,7 @@ void run(const Options& given) {
   if (options.bus.timeout_s <= 0) options.bus.timeout_s = can_timeout_s;
   const Descriptions descriptions(options.eds, options.esi);
   const auto bus = open_bus(options.bus);
-  const auto listen = std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(options.listen_s));
+  const auto listen = links::from_seconds(options.listen_s);
   const auto nodes = master::scan(*bus, {.timeout = options.bus.timeout(), .listen = listen});
   if (options.bus.json) {
     nlohmann::ordered_json list = nlohmann::ordered_json::array();

@@ -11,6 +11,7 @@
 #include "app/object_names.hpp"
 #include "app/script_file.hpp"
 #include "app/whole_file.hpp"
+#include "links/time.hpp"
 #include "scope/files.hpp"
 #include "scope/measurements.hpp"
 #include "tools/sampling/sampler_recorder.hpp"
@@ -45,9 +46,7 @@ struct Options {
 constexpr double usual_duration_s = 1.0;
 constexpr master::Time patience = std::chrono::milliseconds(10);  // period of checks for Ctrl-C
 
-master::Time time_of(double seconds) {
-  return std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(seconds));
-}
+master::Time time_of(double seconds) { return links::from_seconds(seconds); }
 
 // ---- Before the bus is opened ----
 

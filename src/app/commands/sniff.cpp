@@ -21,6 +21,7 @@
 #include "links/nearest_name.hpp"
 #include "links/serial/client.hpp"
 #include "links/serial/format_text.hpp"
+#include "links/time.hpp"
 #include "tools/sniff/can_decoder.hpp"
 #include "tools/sniff/capture_file.hpp"
 #include "tools/sniff/ethercat_decoder.hpp"
@@ -197,7 +198,7 @@ class Sniffer {
   void show(const master::Decoded& decoded) {
     summary_.count(decoded);
     if (options_.quiet || !filter_.passes(decoded)) return;
-    const double at = std::chrono::duration<double>(decoded.time - *summary_.first).count();
+    const double at = links::to_seconds(decoded.time - *summary_.first);
     if (options_.json) {
       print_json(decoded, at);
     } else {
@@ -275,8 +276,7 @@ class Sniffer {
 };
 
 bool is_over(const Options& options, master::Time start, master::Time now) {
-  return InterruptGuard::interrupted() ||
-         (options.seconds > 0 && std::chrono::duration<double>(now - start).count() >= options.seconds);
+  return InterruptGuard::interrupted() || (options.seconds > 0 && links::to_seconds(now - start) >= options.seconds);
 }
 
 // If a capture turns out to be damaged, the part decoded before is still shown, together with its summary.

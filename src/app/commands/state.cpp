@@ -6,6 +6,7 @@
 #include "app/commands.hpp"
 #include "app/drive_link.hpp"
 #include "app/number_options.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::app {
 namespace state_command {
@@ -60,7 +61,7 @@ void operate(const Options& options, master::EthercatMaster& master, const std::
   const InterruptGuard guard;
   master::EthercatOperation operation(master, line, slaves, operation_options(options.bus));
   const master::Time start = master.now();
-  const auto lasts = std::chrono::duration_cast<master::Time>(std::chrono::duration<double>(options.seconds));
+  const auto lasts = links::from_seconds(options.seconds);
   if (!options.bus.json) print(options, slaves, nullptr);
   while (!InterruptGuard::interrupted() && (options.seconds <= 0 || master.now() - start < lasts)) {
     master.wait(look_interval);

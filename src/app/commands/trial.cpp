@@ -18,6 +18,7 @@
 #include "app/trial_minimise.hpp"
 #include "app/trial_run.hpp"
 #include "app/whole_file.hpp"
+#include "links/time.hpp"
 #include "scenario/parse.hpp"
 #include "scenario/random_scenario.hpp"
 #include "scenario/schema.hpp"
@@ -88,8 +89,7 @@ void print(const TrialResult& result, std::size_t done, std::size_t of) {
   if (!result.reason.empty()) fmt::print("              {}\n", result.reason);
   for (const scenario::Verdict& verdict : result.verdicts) {
     if (verdict.outcome != scenario::Outcome::failed) continue;
-    fmt::print("              {}: at {:.3f} s {}\n", verdict.name, std::chrono::duration<double>(verdict.at).count(),
-               verdict.found);
+    fmt::print("              {}: at {:.3f} s {}\n", verdict.name, links::to_seconds(verdict.at), verdict.found);
   }
   std::fflush(stdout);
 }
@@ -106,7 +106,7 @@ TrialRun run_of(const Options& options) {
   run.master = options.master;
   run.links = options.links;
   run.keep = options.keep;
-  run.after = std::chrono::duration_cast<links::Time>(std::chrono::duration<double>(options.after_s));
+  run.after = links::from_seconds(options.after_s);
   return run;
 }
 

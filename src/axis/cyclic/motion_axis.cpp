@@ -8,6 +8,7 @@
 
 #include "axis/cia402_words.hpp"
 #include "catalogue/product.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::master {
 
@@ -22,8 +23,6 @@ Target nearest(double value) {
   using Range = std::numeric_limits<Target>;
   return static_cast<Target>(std::lround(std::clamp<double>(value, Range::min(), Range::max())));
 }
-
-double seconds(Time time) { return std::chrono::duration<double>(time).count(); }
 
 }  // namespace
 
@@ -59,7 +58,7 @@ const char* remedy_of(AxisFault fault) {
 MotionAxis::MotionAxis(const CyclicAxis& axis, Time period, const MotionAxisOptions& options)
     : axis_(axis),
       options_(options),
-      generator_(seconds(period)),
+      generator_(links::to_seconds(period)),
       mode_timeout_cycles_(static_cast<std::uint64_t>(std::max<std::int64_t>(options.mode_timeout / period, 1))),
       settling_cycles_(static_cast<std::uint64_t>(std::max<std::int64_t>(settling / period, 4))) {
   if (!axis_.can_command(options.position_mode)) {
@@ -162,8 +161,7 @@ void MotionAxis::supervise(bool fresh) {
   if (!enabled_ || task_ != Task::position || !fresh) return;
   has_followed_ = has_followed_ || shows_following();
   cycles_not_following_ = has_followed_ && !shows_following() ? cycles_not_following_ + 1 : 0;
-  const Time ignored =
-      cycles_not_following_ * std::chrono::duration_cast<Time>(std::chrono::duration<double>(generator_.period_s()));
+  const Time ignored = cycles_not_following_ * links::from_seconds(generator_.period_s());
   if (options_.following_timeout > Time{0} && ignored > options_.following_timeout) fail(AxisFault::not_following);
 }
 

@@ -4,6 +4,8 @@
 #include <cstdlib>
 #include <fmt/format.h>
 
+#include "links/time.hpp"
+
 namespace servodrome::master {
 
 namespace {
@@ -64,7 +66,7 @@ void CoeObjects::watch_inputs() {
                         "the application of the slave hangs, or does not update its inputs: switch its power off and "
                         "on; look for a newer firmware");
   };
-  const auto unchanged = std::chrono::duration<double>(longest_unchanged).count();
+  const auto unchanged = links::to_seconds(longest_unchanged);
   try {
     inputs_are_stale_ = differs(statusword, state_and_target_reached, any) || differs(position, 0, encoder_noise);
     compared_ = exchange_->inputs_are_fresh();

@@ -4,6 +4,7 @@
 
 #include "axis/cia402_words.hpp"
 #include "axis/cyclic/set_point_generator.hpp"
+#include "links/time.hpp"
 #include "tools/conform/check_tables.hpp"
 #include "tools/conform/cyclic_run.hpp"
 
@@ -125,8 +126,7 @@ void tracks_position(Trial& trial, int row) {
   for (const double distance : {static_cast<double>(trial.distance()), 0.0}) {
     generator.move_to(distance, 0.0, limits_of(trial, speed));
     const bool given = axis.run(
-        trial.settings().patience + 2 * Time(std::chrono::seconds(1)) +
-            std::chrono::duration_cast<Time>(std::chrono::duration<double>(generator.duration_s())),
+        trial.settings().patience + 2 * Time(std::chrono::seconds(1)) + links::from_seconds(generator.duration_s()),
         [&] {
           generator.advance();
           axis.set_target(start + generator.state().position);
@@ -181,8 +181,7 @@ void tracks_velocity(Trial& trial, int row) {
     Mean velocity;
     Mean by_position;
     const double settled_s = generator.duration_s() + 0.1;
-    const auto span =
-        std::chrono::duration_cast<Time>(std::chrono::duration<double>(std::max(half_way_s, 0.2) + settled_s));
+    const auto span = links::from_seconds(std::max(half_way_s, 0.2) + settled_s);
     double elapsed_s = 0.0;
     const bool failed = axis.run(span, [&] {
       generator.advance();

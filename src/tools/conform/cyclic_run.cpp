@@ -7,6 +7,7 @@
 #include "axis/cyclic/ethercat_cyclic_bus.hpp"
 #include "axis/cyclic/interpolation_time.hpp"
 #include "catalogue/product.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::master::conform {
 
@@ -192,7 +193,7 @@ void CyclicRun::set_interpolation_time() {
 
 // ---- Cycles ----
 
-double CyclicRun::period_s() const { return std::chrono::duration<double>(bus_->period()).count(); }
+double CyclicRun::period_s() const { return links::to_seconds(bus_->period()); }
 
 void CyclicRun::cycle() {
   positions_.push_back(position());

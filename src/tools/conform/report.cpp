@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <fmt/format.h>
 
+#include "links/time.hpp"
+
 namespace servodrome::master::conform {
 namespace {
-
-double seconds(Time span) { return std::chrono::duration<double>(span).count(); }
 
 std::string text_of(const Observation& one, std::string_view indent) {
   return fmt::format("{0}sent      {1}\n{0}expected  {2}\n{0}seen      {3}\n", indent, one.sent, one.expected,
@@ -50,7 +50,7 @@ std::string test_case_of(const Outcome& outcome) {
     content = fmt::format("<system-out>{}</system-out>", escaped(outcome.reason));
   }
   return fmt::format("    <testcase classname=\"conform.{}\" name=\"{}\" time=\"{:.3f}\">{}</testcase>\n",
-                     check.group(), check.id, seconds(outcome.duration), content);
+                     check.group(), check.id, links::to_seconds(outcome.duration), content);
 }
 
 }  // namespace
@@ -101,7 +101,7 @@ std::string junit_of(const Report& report, const std::string& drive) {
     }
     text += fmt::format(
         "  <testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" skipped=\"{}\" time=\"{:.3f}\">\n{}  </testsuite>\n",
-        group, tests, failures, skipped, seconds(duration), cases);
+        group, tests, failures, skipped, links::to_seconds(duration), cases);
   }
   return text + "</testsuites>\n";
 }

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "axis/cia402_words.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::master::conform {
 
@@ -238,10 +239,7 @@ void Trial::require_no_wrap(std::int32_t position) {
                    range().highest, position));
 }
 
-Time Trial::patience_of_way() const {
-  return settings().patience +
-         std::chrono::duration_cast<Time>(std::chrono::duration<double>(8.0 * settings().revolutions));
-}
+Time Trial::patience_of_way() const { return settings().patience + links::from_seconds(8.0 * settings().revolutions); }
 
 void Trial::begin_way(std::int32_t position) {
   constexpr double tolerance = 0.02;  // revolutions

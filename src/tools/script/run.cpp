@@ -8,11 +8,10 @@
 #include "axis/fault_report.hpp"
 #include "catalogue/product.hpp"
 #include "dictionary/dictionary.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::master::script {
 namespace {
-
-Time time_of(double seconds) { return std::chrono::duration_cast<Time>(std::chrono::duration<double>(seconds)); }
 
 template <typename T>
 T in_units(double number, double scale, std::string_view what) {
@@ -209,7 +208,7 @@ class Runner {
 
   std::string do_step(const Step& step, Member& member) {
     Axis402& axis = *member.axis;
-    const Time timeout = time_of(step.timeout_s);
+    const Time timeout = links::from_seconds(step.timeout_s);
     if (lacks_scale(step)) check_numbers(step, member);
     if (can_move(step.verb) && !member.enabled) member.enabled = axis.state() == PowerState::operation_enabled;
     switch (step.verb) {
@@ -246,7 +245,7 @@ class Runner {
       }
       case Verb::get: return fmt::format("{} = {}", step.subject.word, shown(step, member));
       case Verb::expect: return expect(step, member);
-      case Verb::wait: wait(time_of(step.number("").value_or(0))); break;
+      case Verb::wait: wait(links::from_seconds(step.number("").value_or(0))); break;
       case Verb::print: return step.text;
       case Verb::repeat: break;
     }
@@ -274,7 +273,8 @@ class Runner {
   }
 
   void jog(const Step& step, Axis402& axis) {
-    axis.jog_for(time_of(step.number("for").value_or(0)), velocity_of(step), profile_of(step), options_.progress);
+    axis.jog_for(links::from_seconds(step.number("for").value_or(0)), velocity_of(step), profile_of(step),
+                 options_.progress);
   }
 
   HomingRequest homing_of(const Step& step) const {
@@ -385,7 +385,7 @@ class Runner {
   }
 
   std::string expect(const Step& step, Member& member) {
-    const Time deadline = now() + time_of(step.timeout_s);
+    const Time deadline = now() + links::from_seconds(step.timeout_s);
     while (!holds(step, member)) {
       if (now() >= deadline) {
         const std::string waited = step.timeout_s > 0 ? fmt::format(" after {:g} s", step.timeout_s) : "";

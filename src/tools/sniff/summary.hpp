@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 
+#include "links/time.hpp"
 #include "tools/sniff/decoded.hpp"
 
 namespace servodrome::master {
@@ -20,7 +21,7 @@ struct SniffSummary {
 
   void count(const Decoded& decoded);
   void count_frame(Time time, unsigned bits);
-  double seconds() const { return first ? std::chrono::duration<double>(last - *first).count() : 0; }
+  double seconds() const { return first ? links::to_seconds(last - *first) : 0; }
   // Bus load from the first frame to the last in percent; nullopt for fewer than two frames.
   std::optional<double> bus_load(std::uint32_t bit_rate) const;
 };

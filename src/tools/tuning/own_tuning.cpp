@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "catalogue/product.hpp"
+#include "links/time.hpp"
 #include "tools/tuning/session.hpp"
 
 namespace servodrome::master::tuning {
@@ -57,12 +58,12 @@ void learn_inertia(Axis402& axis, const catalogue::TuningDialect& dialect, const
   const auto speed = static_cast<std::int32_t>(std::lround(rps * units.velocity));
   const auto ramp = static_cast<std::uint32_t>(std::lround(acceleration_rps2 * units.acceleration));
   const MotionProfile profile{.acceleration = ramp, .deceleration = ramp};
-  const Time end = objects.now() + std::chrono::duration_cast<Time>(std::chrono::duration<double>(options.seconds));
+  const Time end = objects.now() + links::from_seconds(options.seconds);
   const TravelLimit within_travel(axis, units, options.travel_revolutions);
   std::int64_t kvp = kvp_of(objects, dialect);
   for (int leg = 0; objects.now() < end; ++leg) {
     axis.run_at(leg % 2 == 0 ? speed : -speed, profile, std::chrono::seconds(5), within_travel);
-    axis.hold_for(std::chrono::duration_cast<Time>(std::chrono::duration<double>(leg_s)), within_travel);
+    axis.hold_for(links::from_seconds(leg_s), within_travel);
     if (options.progress)
       options.progress("identifying the inertia", std::min(1.0, static_cast<double>(leg) / least_legs));
     const std::int64_t now = kvp_of(objects, dialect);
@@ -79,7 +80,7 @@ void find_resonances(Axis402& axis, const OwnTuningOptions& options) {
   const Time start = objects.now();
   for (;;) {
     axis.hold_for(std::chrono::milliseconds(100));
-    const double seconds = std::chrono::duration<double>(objects.now() - start).count();
+    const double seconds = links::to_seconds(objects.now() - start);
     if (options.progress) options.progress("searching for resonances", std::min(1.0, seconds / 4.0));
     const auto control = objects.read<std::uint8_t>(notch_control.index, notch_control.sub);
     if ((control & analysis_runs) == 0) return;

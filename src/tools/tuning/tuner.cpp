@@ -7,6 +7,7 @@
 
 #include "axis/cia402_words.hpp"
 #include "catalogue/product.hpp"
+#include "links/time.hpp"
 
 namespace servodrome::master::tuning {
 namespace {
@@ -54,7 +55,7 @@ Tuner::Tuner(CyclicBus& bus, ObjectClient& objects, const catalogue::Product& pr
       product_(product),
       units_(units),
       options_(options),
-      sample_s_(std::chrono::duration<double>(bus.period()).count()),
+      sample_s_(links::to_seconds(bus.period())),
       axis_(bus.image(options.drive)),
       target_velocity_(mapped(bus.image(options.drive).output({0x60FF, 0}), {0x60FF, 0}, axis_.where(), "an RxPDO")),
       position_(mapped(bus.image(options.drive).input(dialect_.position), dialect_.position, axis_.where(), "a TxPDO")),
@@ -162,7 +163,7 @@ std::uint64_t Tuner::lost_cycles() const {
 }
 
 void Tuner::wait(double seconds) {
-  const Time end = bus_.now() + std::chrono::duration_cast<Time>(std::chrono::duration<double>(seconds));
+  const Time end = bus_.now() + links::from_seconds(seconds);
   while (bus_.now() < end) {
     bus_.wait(std::min(slice, end - bus_.now()));
     if (!problem_.empty()) {
