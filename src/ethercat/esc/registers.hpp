@@ -71,6 +71,13 @@ inline constexpr unsigned fmmus = 8;
 inline constexpr std::uint16_t sync_manager = 0x0800;
 inline constexpr unsigned sync_manager_bytes = 8;
 inline constexpr unsigned sync_managers = 8;
+// Registers of one sync manager (ETG.1000.4 table 58), to add to sync_manager_at().
+inline constexpr unsigned sync_manager_length = 2;
+inline constexpr unsigned sync_manager_status = 5;
+inline constexpr unsigned sync_manager_activate = 6;
+constexpr std::uint16_t sync_manager_at(unsigned number, unsigned offset = 0) {
+  return static_cast<std::uint16_t>(sync_manager + sync_manager_bytes * number + offset);
+}
 
 // Distributed clock
 inline constexpr std::uint16_t receive_time_port = 0x0900;  // 4 bytes each

@@ -100,10 +100,11 @@ void CyclicExchange::write_channel(EthercatSlave& slave, bool outputs, std::size
   const auto& channels = slave.found().sii.sync_managers;
   const auto listed =
       std::find_if(channels.begin(), channels.end(), [&](const SiiSyncManager& one) { return one.type == type; });
-  const std::size_t number = listed != channels.end() ? static_cast<std::size_t>(listed - channels.begin()) : type - 1;
-  const auto address = static_cast<std::uint16_t>(reg::sync_manager + reg::sync_manager_bytes * number);
+  const auto number =
+      static_cast<unsigned>(listed != channels.end() ? static_cast<std::size_t>(listed - channels.begin()) : type - 1);
+  const std::uint16_t address = reg::sync_manager_at(number);
   std::array<std::uint8_t, reg::sync_manager_bytes> registers{};
-  slave.master().write<std::uint8_t>(slave.station(), static_cast<std::uint16_t>(address + 6), 0);
+  slave.master().write<std::uint8_t>(slave.station(), reg::sync_manager_at(number, reg::sync_manager_activate), 0);
   if (listed != channels.end()) {
     start = listed->start;
     registers[4] = listed->control;

@@ -16,10 +16,7 @@ constexpr Time mailbox_poll_interval = std::chrono::microseconds(250);
 constexpr std::size_t kept_emergencies = 64;
 constexpr std::size_t most_drained = kept_emergencies;  // at once: a slave may send emergencies without end
 
-// Registers of sync manager n, and their bits (ETG.1000.4 table 58).
-constexpr std::uint16_t sync_manager(unsigned n) { return static_cast<std::uint16_t>(reg::sync_manager + 8 * n); }
-constexpr std::uint16_t status_of = 5;
-constexpr std::uint16_t activate_of = 6;
+// Bits of the registers of a sync manager (ETG.1000.4 table 58).
 constexpr std::uint8_t mailbox_full = 0x08;
 constexpr std::uint8_t enable = 0x01;
 constexpr std::uint8_t repeat_request = 0x02;
@@ -48,8 +45,7 @@ void MailboxClient::timed_out(const std::string& happened) const {
 }
 
 bool MailboxClient::full(std::uint16_t number) {
-  const auto status =
-      master_.read<std::uint8_t>(station_, static_cast<std::uint16_t>(sync_manager(number) + status_of));
+  const auto status = master_.read<std::uint8_t>(station_, reg::sync_manager_at(number, reg::sync_manager_status));
   return (status & mailbox_full) != 0;
 }
 
@@ -98,7 +94,7 @@ bool MailboxClient::read_area(std::vector<std::uint8_t>& bytes) {
 
 // Requests the slave's last mail again, which the master did not receive (ETG.1000.4 clause 5.6.3).
 void MailboxClient::request_repeat() {
-  const auto address = static_cast<std::uint16_t>(sync_manager(1) + activate_of);
+  constexpr std::uint16_t address = reg::sync_manager_at(1, reg::sync_manager_activate);
   if (!repeat_bit_known_) {
     repeat_bit_ = (master_.read<std::uint8_t>(station_, address) & repeat_request) != 0;
     repeat_bit_known_ = true;

@@ -8,7 +8,6 @@
 namespace servodrome::master {
 namespace {
 
-using serial10::Command;
 using serial10::Frame;
 
 // Pause before a retry: the drive discards an incomplete frame after 50 ms.
@@ -19,9 +18,9 @@ bool answers(const Frame& answer, const Frame& request) {
          answer.index() == request.index() && answer.sub() == request.sub();
 }
 
-bool is_answer_to(Command answer, Command request) {
-  if (answer == Command::error) return true;
-  return request == Command::read ? serial10::data_bytes(answer) != 0 : answer == Command::written;
+bool is_answer_to(serial10::Command answer, serial10::Command request) {
+  if (answer == serial10::Command::error) return true;
+  return request == serial10::Command::read ? serial10::data_bytes(answer) != 0 : answer == serial10::Command::written;
 }
 
 }  // namespace
@@ -49,7 +48,7 @@ Serial10Client Serial10Client::open(const std::string& link, const Serial10Optio
   }
 }
 
-Frame Serial10Client::request(std::uint8_t id, Command command, std::uint16_t index, std::uint8_t sub,
+Frame Serial10Client::request(std::uint8_t id, serial10::Command command, std::uint16_t index, std::uint8_t sub,
                               std::uint32_t data, unsigned retries) {
   const Frame frame = Frame::make(id, command, index, sub, data);
   std::optional<Frame> answer;
@@ -62,7 +61,7 @@ Frame Serial10Client::request(std::uint8_t id, Command command, std::uint16_t in
     throw MasterError(error.what(), name_, "check that the device or the line is running");
   }
   if (!answer) throw Serial10Error(name_, id, index, sub, dictionary::AbortCode::protocol_timed_out, false);
-  if (answer->command() == Command::error) {
+  if (answer->command() == serial10::Command::error) {
     throw Serial10Error(name_, id, index, sub, static_cast<dictionary::AbortCode>(answer->data()), true);
   }
   return *answer;
@@ -89,14 +88,16 @@ std::optional<Frame> Serial10Client::exchange(const Frame& request) {
 std::string Serial10Client::where(std::uint8_t id) const { return fmt::format("{}, drive {}", name_, id); }
 
 std::vector<std::byte> Serial10Client::upload(std::uint8_t id, ObjectAddress object) {
-  const Frame answer = request(id, Command::read, object.index, object.sub, 0, options_.retries);
+  const Frame answer = request(id, serial10::Command::read, object.index, object.sub, 0, options_.retries);
   const std::uint32_t data = answer.data();
   const auto bytes = std::as_bytes(std::span(&data, 1)).first(serial10::data_bytes(answer.command()));
   return {bytes.begin(), bytes.end()};
 }
 
 void Serial10Client::download(std::uint8_t id, ObjectAddress object, std::span<const std::byte> data) {
-  const Command command = data.size() == 1 ? Command::write_1 : data.size() == 2 ? Command::write_2 : Command::write_4;
+  const serial10::Command command = data.size() == 1   ? serial10::Command::write_1
+                                    : data.size() == 2 ? serial10::Command::write_2
+                                                       : serial10::Command::write_4;
   if (data.size() != serial10::data_bytes(command)) {
     throw ObjectError(fmt::format("{} bytes cannot be sent", data.size()),
                       fmt::format("{}, {}", where(id), text_of(object)), "the protocol carries 1, 2 or 4", false);

@@ -117,10 +117,10 @@ void unknown(Trial& trial, int) {
 void set_length(Trial& trial, unsigned channel, std::uint16_t length) {
   EthercatMaster& master = master_of(trial);
   const std::uint16_t station = slave_of(trial).station();
-  const auto at = static_cast<std::uint16_t>(reg::sync_manager + 8 * channel);
-  master.write<std::uint8_t>(station, static_cast<std::uint16_t>(at + 6), 0);
-  master.write<std::uint16_t>(station, static_cast<std::uint16_t>(at + 2), length);
-  master.write<std::uint8_t>(station, static_cast<std::uint16_t>(at + 6), 1);
+  const std::uint16_t activate = reg::sync_manager_at(channel, reg::sync_manager_activate);
+  master.write<std::uint8_t>(station, activate, 0);
+  master.write<std::uint16_t>(station, reg::sync_manager_at(channel, reg::sync_manager_length), length);
+  master.write<std::uint8_t>(station, activate, 1);
 }
 
 void mailbox_configuration(Trial& trial, int) {
