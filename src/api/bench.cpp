@@ -15,7 +15,7 @@ Json ask(Call& call) {
 
 Json show_version(Call&) { return Json{{"name", "servodrome"}, {"version", version()}, {"api", 1}}; }
 
-constexpr std::array table{
+constexpr std::array bench_table{
     Route{Method::get, "/api/v1/version", show_version},
     Route{Method::get, "/api/v1/line", ask<&Bench::show_line>},
     Route{Method::get, "/api/v1/clock", ask<&Bench::show_clock>},
@@ -52,7 +52,7 @@ Json Bench::refuse(Call&) {
                  fmt::format("{}; `servodrome up` runs simulated drives", no_plant)};
 }
 
-RouteGroup bench_routes(Bench& bench) { return {table, &bench}; }
+RouteGroup bench_routes(Bench& bench) { return {bench_table, &bench}; }
 
 std::vector<Route> refused(std::initializer_list<std::span<const Route>> tables) {
   std::vector<Route> routes;

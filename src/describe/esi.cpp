@@ -146,9 +146,9 @@ void put_device(Xml& xml, const Description& device) {
              {{"ProductCode", hex(sii.product_code, 8)}, {"RevisionNo", hex(sii.revision_number, 8)}});
     put_name(xml, sii.name);
     if (!device.file.description.empty()) {
-      xml.leaf("Comment", device.file.description, {{"LcId", std::string(english)}});
+      xml.leaf("Comment", device.file.description, {{"LcId", std::string(english_lcid)}});
     }
-    if (!device.url.empty()) xml.leaf("URL", device.url, {{"LcId", std::string(english)}});
+    if (!device.url.empty()) xml.leaf("URL", device.url, {{"LcId", std::string(english_lcid)}});
     put_info(xml, sii);
     xml.leaf("GroupType", sii.group);
     put_profile(xml, device, profile, defaults);

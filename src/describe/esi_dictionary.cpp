@@ -33,7 +33,7 @@ std::string data_of(const Entry& entry, std::int64_t value) {
   return hex_bytes(std::span(bytes).first(dictionary::size_of(entry.type)));
 }
 
-void put_name(Xml& xml, std::string_view name) { xml.leaf("Name", name, {{"LcId", std::string(english)}}); }
+void put_name(Xml& xml, std::string_view name) { xml.leaf("Name", name, {{"LcId", std::string(english_lcid)}}); }
 
 std::string type_name(const Entry& entry) {
   switch (entry.type) {

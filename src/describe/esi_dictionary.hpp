@@ -10,7 +10,7 @@
 // Parts of an ESI file for esi.cpp, and the number formats of ETG.2000.
 namespace servodrome::describe::etg2000 {
 
-inline constexpr std::string_view english = "1033";  // LcId
+inline constexpr std::string_view english_lcid = "1033";  // LcId
 
 std::string hex(std::uint32_t value, int digits);  // "#x001A"
 std::string index_text(std::uint16_t index);

@@ -9,7 +9,7 @@ namespace servodrome::drive {
 namespace {
 
 // Currents below this fraction of the rated one are not evaluated.
-constexpr float least_share = 0.005F;
+constexpr float least_current_share = 0.005F;
 // A phase counts as without current below this fraction of another phase's current.
 constexpr float none_share = 0.1F;
 // Turning: the least number of sixteenths of a turn without current in the phase, and their least fraction of all
@@ -29,7 +29,7 @@ constexpr float bridge_share = 0.01F;
 
 void OpenPhase::configure(const MotorData& motor) {
   phases_ = motor.phases;
-  least_a_ = least_share * motor.rated_current_a;
+  least_a_ = least_current_share * motor.rated_current_a;
   const auto pole_pairs = static_cast<float>(motor.pole_pairs);
   const float flux_linkage_vs = motor.torque_constant_nm_per_a / (phase_factor(motor.phases) * pole_pairs);
   const float quarter_turn = 1.5707963F;

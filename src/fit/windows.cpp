@@ -7,7 +7,7 @@ namespace servodrome::fit {
 
 namespace {
 
-constexpr double missing = std::numeric_limits<double>::quiet_NaN();
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 // The bump is (1 - s^2)^4 for s in -1 .. 1. The sums use the second integral of the weight of a moment. For the signal
 // itself this is the second integral of the bump, for its first derivative the first integral, for its second
@@ -68,7 +68,7 @@ std::vector<double> Windows::moments(const std::vector<double>& x, unsigned deri
   const double slope = 2.0 / length_;  // ds/dt
   double scale = 1.0 / bump_integral;
   for (unsigned i = 0; i < derivative; ++i) scale *= -slope;
-  std::vector<double> result(starts_.size(), missing);
+  std::vector<double> result(starts_.size(), nan);
   std::size_t first = origin;
   for (std::size_t window = 0; window < starts_.size(); ++window) {
     const double begin = starts_[window] - delay_s;
@@ -104,15 +104,15 @@ std::vector<double> Windows::moments(const std::vector<double>& x, unsigned deri
 }
 
 void Windows::range(const std::vector<double>& x, std::vector<double>& least, std::vector<double>& greatest) const {
-  least.assign(starts_.size(), missing);
-  greatest.assign(starts_.size(), missing);
+  least.assign(starts_.size(), nan);
+  greatest.assign(starts_.size(), nan);
   std::size_t first = 0;
   for (std::size_t window = 0; window < starts_.size(); ++window) {
     while (first < seconds_.size() && seconds_[first] < starts_[window]) ++first;
     double low = std::numeric_limits<double>::infinity();
     double high = -low;
     for (std::size_t i = first; i < seconds_.size() && seconds_[i] <= starts_[window] + length_; ++i) {
-      if (!(x[i] == x[i])) low = high = missing;
+      if (!(x[i] == x[i])) low = high = nan;
       low = std::min(low, x[i]);
       high = std::max(high, x[i]);
     }

@@ -20,7 +20,7 @@ namespace {
   throw std::runtime_error(fmt::format("parameter file {}: {}", path, why));
 }
 
-std::string last_error() { return std::strerror(errno); }
+std::string last_reason() { return std::strerror(errno); }
 
 // Closes the opened file, unless the constructor succeeds.
 struct OpenFile {
@@ -35,7 +35,7 @@ struct OpenFile {
 void sync_folder(const std::string& path) {
   const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
   const OpenFile file{::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
-  if (file.number < 0 || ::fsync(file.number) != 0) fail(path, "cannot sync its folder: " + last_error());
+  if (file.number < 0 || ::fsync(file.number) != 0) fail(path, "cannot sync its folder: " + last_reason());
 }
 
 }  // namespace
@@ -45,20 +45,20 @@ FileMedium::FileMedium(const std::string& path, std::uint32_t size)
   OpenFile file{::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NONBLOCK, S_IRUSR | S_IWUSR)};
   if (file.number < 0) {
     const int reason = errno;
-    fail(path, "cannot open: " + last_error() + "; " +
+    fail(path, "cannot open: " + last_reason() + "; " +
                    advice_for<std::string>(reason, "choose a file in a folder that exists and may be written to"));
   }
   struct stat status {};
-  if (::fstat(file.number, &status) != 0) fail(path, "cannot inspect: " + last_error());
+  if (::fstat(file.number, &status) != 0) fail(path, "cannot inspect: " + last_reason());
   if (!S_ISREG(status.st_mode)) fail(path, "is not a regular file; choose another path");
   if (::flock(file.number, LOCK_EX | LOCK_NB) != 0) {
     fail(path, errno == EWOULDBLOCK ? "is in use by another drive or process; stop it or choose another file"
-                                    : "cannot lock: " + last_error());
+                                    : "cannot lock: " + last_reason());
   }
-  if (::fstat(file.number, &status) != 0) fail(path, "cannot inspect: " + last_error());
+  if (::fstat(file.number, &status) != 0) fail(path, "cannot inspect: " + last_reason());
   if (status.st_size == 0) {
-    if (::ftruncate(file.number, static_cast<off_t>(size)) != 0) fail(path, "cannot grow: " + last_error());
-    if (::fsync(file.number) != 0) fail(path, "cannot sync: " + last_error());
+    if (::ftruncate(file.number, static_cast<off_t>(size)) != 0) fail(path, "cannot grow: " + last_reason());
+    if (::fsync(file.number) != 0) fail(path, "cannot sync: " + last_reason());
     sync_folder(path);
   } else if (status.st_size != static_cast<off_t>(size)) {
     fail(path, fmt::format("has {} bytes, but this device's memory has {}; move it away to start with factory values",

@@ -10,7 +10,7 @@ namespace servodrome::plant {
 
 namespace {
 
-constexpr int most_pieces = 16;
+constexpr int pieces_per_tick = 16;
 constexpr int saturated_pieces = 4;  // of a tick at low speed: within one piece turning and voltage follow each other
 
 // The vector in the frame of the rotor after it has turned.
@@ -20,7 +20,7 @@ Vector turned(Vector a, double sine, double cosine) { return {cosine * a.d + sin
 
 void Windings::prepare_pieces() {
   for (Pieces* pieces : {&whole_, &pieces_}) {
-    pieces->count = pieces == &pieces_ ? most_pieces : quadrature_.unsaturated_h != 0.0 ? saturated_pieces : 1;
+    pieces->count = pieces == &pieces_ ? pieces_per_tick : quadrature_.unsaturated_h != 0.0 ? saturated_pieces : 1;
     pieces->direct_rate = direct_inductance_ * pieces->count / drive::tick_seconds;
     pieces->quadrature_rate = quadrature_inductance_ * pieces->count / drive::tick_seconds;
     pieces->direct_weight = fitted_weight(resistance_ / pieces->direct_rate);

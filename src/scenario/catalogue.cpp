@@ -29,7 +29,7 @@ struct MessageNote {
   std::string_view group, name, text, clause;
 };
 
-constexpr auto messages = std::to_array<MessageNote>({
+constexpr auto message_notes = std::to_array<MessageNote>({
     {"canopen", "sdo_answer", "SDO answer", "CiA 301 7.2.4.2"},
     {"canopen", "sdo_request", "SDO request", "CiA 301 7.2.4.3.3"},
     {"canopen", "tpdo", "any TPDO", "CiA 301 7.2.2.2"},
@@ -211,7 +211,7 @@ std::vector<line::KeyNote> own_keys(const FormatKeys& keys, std::string_view act
   return own;
 }
 
-std::string_view text_of(std::string_view action) {
+std::string_view action_text(std::string_view action) {
   const auto* const found =
       std::find_if(texts.begin(), texts.end(), [action](const ActionText& text) { return text.name == action; });
   return found != texts.end() ? found->text : std::string_view{};
@@ -228,7 +228,7 @@ Json actions_of(const Group& group, const FormatKeys& keys) {
   for (const ActionNote& note : actions) {
     if (note.group != group.name) continue;
     found.push_back({{"do", note.name},
-                     {"text", text_of(note.name)},
+                     {"text", action_text(note.name)},
                      {"use", note.use},
                      {"of_bus", is_of_bus(note.name)},
                      {"clause", note.clause},
@@ -241,7 +241,7 @@ Json actions_of(const Group& group, const FormatKeys& keys) {
 
 Json messages_of(const Group& group) {
   Json found = Json::array();
-  for (const MessageNote& note : messages) {
+  for (const MessageNote& note : message_notes) {
     if (note.group != group.name) continue;
     found.push_back(
         {{"message", note.name}, {"text", note.text}, {"of_bus", is_of_bus(note.name)}, {"clause", note.clause}});

@@ -22,8 +22,8 @@ using api::Route;
 
 // A transform of this many samples blocks the line for about 20 ms.
 constexpr std::int64_t most_samples = 131'072;
-constexpr double lowest_hz = 0.01;
-constexpr double highest_hz = 8000.0;
+constexpr double lowest_shown_hz = 0.01;
+constexpr double highest_shown_hz = 8000.0;
 constexpr double believed = 0.7;  // least coherence of the points used for bandwidth and margins
 
 std::size_t channel_in_query(const Call& call, std::string_view key, std::size_t channels, std::size_t usual) {
@@ -83,8 +83,8 @@ Json show_bode(Call& call) {
   const std::size_t output = channel_in_query(call, "output", plan.channels.size(), 1);
   const double sample_s = static_cast<double>(plan.stride) * drive::tick_seconds;
   const tuning::SpectrumRequest request{
-      .lowest_hz = api::query_number(call, "from_hz", lowest_hz, highest_hz).value_or(1.0),
-      .highest_hz = api::query_number(call, "to_hz", lowest_hz, highest_hz).value_or(1000.0)};
+      .lowest_hz = api::query_number(call, "from_hz", lowest_shown_hz, highest_shown_hz).value_or(1.0),
+      .highest_hz = api::query_number(call, "to_hz", lowest_shown_hz, highest_shown_hz).value_or(1000.0)};
   if (request.lowest_hz >= request.highest_hz) {
     throw ApiError{422, fmt::format("from_hz is {}, and to_hz is {}", request.lowest_hz, request.highest_hz), "from_hz",
                    "write a from_hz below to_hz"};

@@ -8,7 +8,7 @@
 namespace servodrome::canopen {
 
 namespace {
-constexpr std::uint8_t toggle_bit = 0x80;
+constexpr std::uint8_t guarding_toggle_bit = 0x80;
 }  // namespace
 
 void ErrorControl::configure(std::uint8_t node_id) {
@@ -59,7 +59,8 @@ Frame ErrorControl::message(std::uint8_t state) const {
 
 bool ErrorControl::guard_request(NmtState state) {
   if (!guarding_allowed()) return false;
-  link_.transmit(message(static_cast<std::uint8_t>(static_cast<std::uint8_t>(state) | (toggle_ ? toggle_bit : 0U))));
+  link_.transmit(
+      message(static_cast<std::uint8_t>(static_cast<std::uint8_t>(state) | (toggle_ ? guarding_toggle_bit : 0U))));
   toggle_ = !toggle_;
   // Life guarding starts with the first request (CiA 301 7.2.8.2.2.1).
   if (life_time_ != Time{0}) {

@@ -9,6 +9,8 @@ namespace servodrome::canopen {
 
 enum class Direction : std::uint8_t { receive, transmit };
 
+inline constexpr std::uint8_t last_synchronous_type = 240;  // transmission types from 1, or 0 (acyclic)
+
 struct MappedObject {
   const dictionary::Entry* entry = nullptr;
   std::byte* place = nullptr;  // nullptr: no storage (a dummy, an owner's command, or a constant)

@@ -10,9 +10,8 @@ namespace servodrome::canopen {
 using dictionary::AbortCode;
 
 namespace {
-constexpr std::uint16_t parameter = 0x1400;
-constexpr std::uint16_t mapping = 0x1600;
-constexpr std::uint8_t last_synchronous_type = 240;
+constexpr std::uint16_t rpdo_parameter = 0x1400;
+constexpr std::uint16_t rpdo_mapping = 0x1600;
 constexpr std::uint16_t not_processed = 0x8210;
 constexpr std::uint16_t length_exceeded = 0x8220;
 constexpr std::uint16_t timeout = 0x8250;
@@ -32,8 +31,8 @@ void Rpdos::configure() {
 
 void Rpdos::configure(std::uint16_t number) {
   Rpdo& pdo = pdos_[number];
-  const auto index = static_cast<std::uint16_t>(parameter + number);
-  const auto mapping_index = static_cast<std::uint16_t>(mapping + number);
+  const auto index = static_cast<std::uint16_t>(rpdo_parameter + number);
+  const auto mapping_index = static_cast<std::uint16_t>(rpdo_mapping + number);
   // Data that wait for SYNC belong to the old configuration: the PDO may have another type or mapping now, or be
   // invalid (CiA 301 7.5.2.35, 7.5.2.36).
   drop_pending(number);
@@ -73,9 +72,10 @@ void Rpdos::end_timeout(Rpdo& pdo) {
 
 AbortCode Rpdos::check(const dictionary::Entry& entry, std::uint32_t value) const {
   const PdoConfiguration rules{dictionary_, profile_};
-  if (entry.index >= mapping) {
-    return rules.check_mapping(Direction::receive, static_cast<std::uint16_t>(entry.index - mapping + parameter), entry,
-                               value, entries_);
+  if (entry.index >= rpdo_mapping) {
+    return rules.check_mapping(Direction::receive,
+                               static_cast<std::uint16_t>(entry.index - rpdo_mapping + rpdo_parameter), entry, value,
+                               entries_);
   }
   switch (entry.sub) {
     case 1: return rules.check_cob_id(entry.index, value);

@@ -7,13 +7,12 @@ namespace servodrome::canopen {
 using dictionary::AbortCode;
 
 namespace {
-constexpr std::uint16_t parameter = 0x1800;
-constexpr std::uint16_t mapping = 0x1A00;
+constexpr std::uint16_t tpdo_parameter = 0x1800;
+constexpr std::uint16_t tpdo_mapping = 0x1A00;
 constexpr std::uint8_t acyclic_synchronous = 0;
-constexpr std::uint8_t last_synchronous_type = 240;
 constexpr std::uint8_t synchronous_remote = 252;
 constexpr std::uint8_t manufacturer_event_driven = 254;
-constexpr Time retry_time = std::chrono::milliseconds(1);  // while the transmit queue is full
+constexpr Time tpdo_retry_time = std::chrono::milliseconds(1);  // while the transmit queue is full
 
 // TPDOs that must not be lost, because neither a SYNC nor a remote frame requests them again.
 bool by_event(const Tpdo& pdo) { return pdo.type == acyclic_synchronous || pdo.type >= manufacturer_event_driven; }
@@ -40,8 +39,8 @@ void Tpdos::configure() {
 
 void Tpdos::configure(std::uint16_t number) {
   Tpdo& pdo = pdos_[number];
-  const auto index = static_cast<std::uint16_t>(parameter + number);
-  const auto mapping_index = static_cast<std::uint16_t>(mapping + number);
+  const auto index = static_cast<std::uint16_t>(tpdo_parameter + number);
+  const auto mapping_index = static_cast<std::uint16_t>(tpdo_mapping + number);
   pdo.exists = dictionary_.find(index, 1) != nullptr;
   if (!pdo.exists) return;
   const bool was_valid = pdo.valid;
@@ -91,9 +90,10 @@ void Tpdos::rebuild_lists() {
 
 AbortCode Tpdos::check(const dictionary::Entry& entry, std::uint32_t value) const {
   const PdoConfiguration rules{dictionary_, profile_};
-  if (entry.index >= mapping) {
-    return rules.check_mapping(Direction::transmit, static_cast<std::uint16_t>(entry.index - mapping + parameter),
-                               entry, value, entries_);
+  if (entry.index >= tpdo_mapping) {
+    return rules.check_mapping(Direction::transmit,
+                               static_cast<std::uint16_t>(entry.index - tpdo_mapping + tpdo_parameter), entry, value,
+                               entries_);
   }
   switch (entry.sub) {
     case 1: return rules.check_cob_id(entry.index, value);
@@ -140,7 +140,7 @@ void Tpdos::send(Tpdo& pdo, std::uint64_t data) {
   Frame* frame = link_.newest(pdo.place);
   if (frame == nullptr) {
     pdo.waiting = by_event(pdo);
-    pdo.not_before = now + retry_time;
+    pdo.not_before = now + tpdo_retry_time;
     link_.wake_at(pdo.not_before);
     return;
   }

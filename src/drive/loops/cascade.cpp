@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "drive/loops/constants.hpp"
 #include "drive/loops/limits.hpp"
 #include "drive/tuning/resonance_analysis.hpp"
 
@@ -15,13 +16,12 @@ constexpr float standstill_share = 1.0e-3F;
 // The torque that fades after a change of gains is dropped below this fraction of rated torque.
 constexpr float handover_end = 1.0e-5F;
 
-constexpr float pi = 3.14159265358979F;
 constexpr float quarter_pi = 0.25F * pi;
 
 // Field weakening keeps the voltage at this share of what the DC link allows, by an integrator that has this bandwidth
 // at the lowest speed that needs it.
 constexpr float weakening_share = 0.95F;
-constexpr float weakening_rad_per_tick = 2.0F * pi * 100.0F * static_cast<float>(tick_seconds);
+constexpr float weakening_rad_per_tick = 2.0F * pi * 100.0F * tick_s;
 
 // A braking current is at least this fraction of the peak current.
 constexpr float least_braking_share = 0.1F;

@@ -4,13 +4,11 @@
 #include <limits>
 
 #include "drive/loops/cascade.hpp"
+#include "drive/loops/constants.hpp"
 #include "drive/loops/limits.hpp"
 
 namespace servodrome::drive {
 namespace {
-
-constexpr float pi = 3.14159265358979F;
-constexpr float tick_s = static_cast<float>(tick_seconds);
 
 // Rest rule: the axis is at rest if its encoder has not counted for this time. If it rests beside its target, the
 // torque rises by the rated torque in push_s.

@@ -2,10 +2,10 @@
 
 #include <cmath>
 
+#include "drive/loops/constants.hpp"
+
 namespace servodrome::drive {
 namespace {
-
-constexpr float pi = 3.14159265358979F;
 
 Biquad with_coefficients(const Biquad& previous, float b0, float b1, float b2, float a0, float a1, float a2) {
   Biquad filter = previous;

@@ -3,14 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "drive/hardware.hpp"
+#include "drive/loops/constants.hpp"
 
 namespace servodrome::drive {
 namespace {
 
-constexpr float pi = 3.14159265358979F;
 constexpr float degree = pi / 180.0F;
-constexpr float tick_s = static_cast<float>(tick_seconds);
 
 // Corners of the filters, in multiples of the crossover: far enough to cost little phase.
 constexpr float velocity_filter_ratio = 12.0F;

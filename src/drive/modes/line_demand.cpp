@@ -9,7 +9,7 @@ namespace servodrome::drive {
 namespace {
 
 // Least speed for catching up, as a fraction of the greatest speed, if the line's speed leaves less.
-constexpr double least_share = 0.1;
+constexpr double least_speed_share = 0.1;
 
 }  // namespace
 
@@ -73,7 +73,7 @@ void LineDemand::lead(Axis& axis, const Line& line, double line_velocity) {
     MotionLimits limits = axis.catch_up_limits();
     limits.deceleration = axis.deceleration_before_limit(limits.deceleration);
     const double recedes = distance > 0.0 ? -line_velocity : line_velocity;  // speed of the line away from the axis
-    limits.velocity = std::max(greatest - recedes, least_share * greatest);
+    limits.velocity = std::max(greatest - recedes, least_speed_share * greatest);
     slow_with_line(distance, line_velocity, std::clamp(line_before, -greatest, greatest), limits.deceleration);
     Trajectory way;
     way.plan_position({distance, velocity_ - line_velocity, 0.0}, 0.0, 0.0, limits, RampShape::linear);

@@ -21,7 +21,7 @@ constexpr float neighbourhood = 1.4F;
 
 // A second resonance whose squared gain is below this fraction of the first one's is ignored: it is harmless or an
 // artefact.
-constexpr float least_share = 0.05F;
+constexpr float least_height_share = 0.05F;
 
 }  // namespace
 
@@ -89,7 +89,7 @@ void ResonanceAnalysis::compute(std::size_t steps) {
   for (; steps > 0 && sample_ <= highest_line_ && sample_ + 2 <= last_line_; --steps, sample_ += 2) consider(sample_);
   if (sample_ <= highest_line_ && sample_ + 2 <= last_line_) return;
   state_ = State::done;
-  while (count_ > 1 && resonances_[count_ - 1].height < least_share * resonances_[0].height) --count_;
+  while (count_ > 1 && resonances_[count_ - 1].height < least_height_share * resonances_[0].height) --count_;
 }
 
 // One complex transform Z of torque + i answer holds both real signals: T(k) = (Z(k) + Z*(N - k)) / 2 and A(k) = (Z(k)

@@ -32,7 +32,7 @@ constexpr std::array<Speed, 14> speeds = {{{1200, B1200},
                                            {1000000, B1000000},
                                            {2000000, B2000000}}};
 
-[[noreturn]] void fail(int reason, const std::string& device, std::string_view what, std::string_view advice) {
+[[noreturn]] void fail_port(int reason, const std::string& device, std::string_view what, std::string_view advice) {
   const std::error_code code(reason, std::generic_category());
   throw LinkError(
       code, fmt::format("serial port \"{}\" {} ({}); {}", device, what, code.message(), advice_for(reason, advice)));
@@ -44,16 +44,16 @@ FileDescriptor open_tty(const std::string& device, const modbus::CharacterFormat
   const auto* speed =
       std::find_if(speeds.begin(), speeds.end(), [&](const Speed& row) { return row.bit_rate == format.bit_rate; });
   if (speed == speeds.end() || (format.data_bits != 7 && format.data_bits != 8)) {
-    fail(EINVAL, device, fmt::format("cannot send {} data bits at {} bit/s", format.data_bits, format.bit_rate),
-         "choose 8 bits and a usual bit rate such as 9600, 19200, 38400 or 115200");
+    fail_port(EINVAL, device, fmt::format("cannot send {} data bits at {} bit/s", format.data_bits, format.bit_rate),
+              "choose 8 bits and a usual bit rate such as 9600, 19200, 38400 or 115200");
   }
   FileDescriptor tty(::open(device.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (!tty.is_open()) {
-    fail(errno, device, "cannot be opened",
-         errno == EACCES ? "your user must belong to the port's group, usually dialout" : "check the path");
+    fail_port(errno, device, "cannot be opened",
+              errno == EACCES ? "your user must belong to the port's group, usually dialout" : "check the path");
   }
   termios settings{};
-  if (::tcgetattr(tty.get(), &settings) != 0) fail(errno, device, "is not a serial port", "name a tty");
+  if (::tcgetattr(tty.get(), &settings) != 0) fail_port(errno, device, "is not a serial port", "name a tty");
   ::cfmakeraw(&settings);
   settings.c_cflag &= ~static_cast<tcflag_t>(CSIZE | PARENB | PARODD | CSTOPB | CRTSCTS);
   settings.c_cflag |= CLOCAL | CREAD | (format.data_bits == 7 ? CS7 : CS8);
@@ -62,7 +62,7 @@ FileDescriptor open_tty(const std::string& device, const modbus::CharacterFormat
   if (format.stop_bits == 2) settings.c_cflag |= CSTOPB;
   ::cfsetspeed(&settings, speed->code);
   if (::tcsetattr(tty.get(), TCSANOW, &settings) != 0) {
-    fail(errno, device, "does not accept the format", "choose another bit rate or parity");
+    fail_port(errno, device, "does not accept the format", "choose another bit rate or parity");
   }
   ::tcflush(tty.get(), TCIOFLUSH);
   return tty;
