@@ -1,5 +1,6 @@
 #include "app/shell_completion.hpp"
 
+#include <algorithm>
 #include <fmt/format.h>
 
 namespace servodrome::app {
@@ -59,6 +60,29 @@ std::string pattern_of_commands(const CommandNode& root) {
   return pattern;
 }
 
+struct Candidate {
+  std::string word;
+  std::string description;
+};
+
+// What may follow a command in bash and zsh: its subcommands, the choices of its positional arguments, its options.
+std::vector<Candidate> candidates_of(const CommandNode& node) {
+  std::vector<Candidate> candidates;
+  for (const CommandNode& command : node.commands) candidates.push_back({command.name, command.description});
+  for (const CommandArgument& positional : node.positionals) {
+    for (const std::string& choice : positional.choices) candidates.push_back({choice, positional.names.back()});
+  }
+  for (const CommandArgument& option : node.options) {
+    for (const std::string& name : option.names) candidates.push_back({name, option.description});
+  }
+  return candidates;
+}
+
+// The assignment in bash and zsh that makes them complete file names too.
+const char* files_assignment(const CommandNode& node) {
+  return std::any_of(node.positionals.begin(), node.positionals.end(), takes_file) ? " files=1" : "";
+}
+
 }  // namespace
 
 std::string bash_completion(const CommandNode& root) {
@@ -76,15 +100,8 @@ std::string bash_completion(const CommandNode& root) {
   script += "  esac\n  case \"$command\" in\n";
   for (const CommandNode* node : all_commands(root)) {
     std::string words;
-    bool files = false;
-    for (const CommandNode& command : node->commands) words += command.name + " ";
-    for (const CommandArgument& positional : node->positionals) {
-      files = files || takes_file(positional);
-      for (const std::string& choice : positional.choices) words += choice + " ";
-    }
-    for (const CommandArgument& option : node->options) words += fmt::format("{} ", fmt::join(option.names, " "));
-    if (!words.empty()) words.pop_back();
-    script += fmt::format("    \"{}\") words=\"{}\"{} ;;\n", node->path, words, files ? " files=1" : "");
+    for (const Candidate& candidate : candidates_of(*node)) words += (words.empty() ? "" : " ") + candidate.word;
+    script += fmt::format("    \"{}\") words=\"{}\"{} ;;\n", node->path, words, files_assignment(*node));
   }
   script +=
       "  esac\n"
@@ -111,22 +128,13 @@ std::string zsh_completion(const CommandNode& root) {
   script += "  case \"$command:${words[CURRENT-1]}\" in\n";
   script += cases_of_values(root, "compadd -- {}", "_files", ":");
   script += "  esac\n  case \"$command\" in\n";
-  const auto described = [](const std::string& word, const std::string& text) {
-    return fmt::format("      '{}:{}'\n", word, quotable(text, "'"));
-  };
   for (const CommandNode* node : all_commands(root)) {
     std::string candidates;
-    bool files = false;
-    for (const CommandNode& command : node->commands) candidates += described(command.name, command.description);
-    for (const CommandArgument& positional : node->positionals) {
-      files = files || takes_file(positional);
-      for (const std::string& choice : positional.choices) candidates += described(choice, positional.names.back());
-    }
-    for (const CommandArgument& option : node->options) {
-      for (const std::string& name : option.names) candidates += described(name, option.description);
+    for (const Candidate& one : candidates_of(*node)) {
+      candidates += fmt::format("      '{}:{}'\n", one.word, quotable(one.description, "'"));
     }
     script += fmt::format("    \"{}\")\n      candidates=(\n{}      ){} ;;\n", node->path, candidates,
-                          files ? " files=1" : "");
+                          files_assignment(*node));
   }
   script +=
       "  esac\n"
