@@ -1,6 +1,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <memory>
 #include <stdexcept>
 #include <string>
 
@@ -26,6 +27,22 @@ class Failure : public std::runtime_error {
 
 // Prints to standard error, if possible; the command continues.
 void warn(const std::string& message);
+
+template <typename Options>
+struct AddedCommand {
+  CLI::App* command;
+  Options* options;
+};
+
+// Adds a command to `app`, or a subcommand to a command. It calls `run` with its options; they live as long as `app`.
+template <typename Options>
+AddedCommand<Options> add_command(CLI::App& app, const std::string& name, const std::string& description,
+                                  void (*run)(const Options&)) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(name, description);
+  command->callback([options, run] { run(*options); });
+  return {command, options.get()};
+}
 
 void add_up(CLI::App& app);
 void add_check(CLI::App& app);

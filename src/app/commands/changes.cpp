@@ -129,23 +129,20 @@ void run(const Options& options) {
 }  // namespace changes_command
 
 void add_changes(CLI::App& app) {
-  using namespace changes_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command =
-      app.add_subcommand("changes", "List what was written to the drives of a running server, and undo it");
+  const auto [command, options] = add_command(
+      app, "changes", "List what was written to the drives of a running server, and undo it", changes_command::run);
   command->add_option("--axis", options->axis, "Changes of this axis only");
   command->add_option("--who", options->who, "Changes of this author only, as the list shows it");
   command->add_option("--since", options->since, "Changes after this number only")
-      ->check(number_within(0, most_number));
+      ->check(number_within(0, changes_command::most_number));
   command->add_option("--undo", options->undo, "Undo the change with this number")
-      ->check(number_within(1, most_number));
+      ->check(number_within(1, changes_command::most_number));
   command->add_flag("--undo-all", options->undo_all,
                     "Undo all changes of --axis or --all-axes, the newest first; with --who and --since only these");
   command->add_flag("--all-axes", options->all_axes, "With --undo-all: in all drives of the server");
   command->add_flag("--preview", options->preview, "Print what an undo would write, and write nothing");
   command->add_flag("--json", options->json, "Print one JSON object");
   add_api_options(*command, options->api);
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

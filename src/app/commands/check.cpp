@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "app/commands.hpp"
@@ -56,12 +55,10 @@ void check(const Options& options) {
 }  // namespace check_command
 
 void add_check(CLI::App& app) {
-  using namespace check_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("check", "Check a line file and report errors with line and column");
+  const auto [command, options] =
+      add_command(app, "check", "Check a line file and report errors with line and column", check_command::check);
   command->add_option("FILE", options->file, "Line file (TOML)")->required();
   command->add_flag("--json", options->json, "Print JSON");
-  command->callback([options] { check(*options); });
 }
 
 }  // namespace servodrome::app

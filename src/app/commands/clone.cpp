@@ -2,7 +2,6 @@
 
 #include <filesystem>
 #include <fmt/format.h>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -138,17 +137,15 @@ void clone(const Options& options) {
 }  // namespace clone_command
 
 void add_clone(CLI::App& app) {
-  using namespace clone_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "clone", "Read a drive's dictionary and values into a file that `servodrome up` runs as a simulated drive");
+  const auto [command, options] = add_command(
+      app, "clone", "Read a drive's dictionary and values into a file that `servodrome up` runs as a simulated drive",
+      clone_command::clone);
   command
       ->add_option("-o,--output", options->file, "File to write: an EDS with values (DCF), or for EtherCAT an ESI file")
       ->required();
   command->add_option("--eds", options->eds, "Electronic data sheet with the objects of the drive");
   add_bus_options(*command, options->bus, "Seconds to wait for each answer");
   add_node_option(*command, options->bus);
-  command->callback([options] { clone(*options); });
 }
 
 }  // namespace servodrome::app

@@ -190,10 +190,9 @@ void run(const Options& options) {
 }  // namespace conform_command
 
 void add_conform(CLI::App& app) {
-  using namespace conform_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "conform", "Check a drive against CiA 301 and 402, ETG.1000, 1020 and 6010, or Modbus, clause by clause");
+  const auto [command, options] = add_command(
+      app, "conform", "Check a drive against CiA 301 and 402, ETG.1000, 1020 and 6010, or Modbus, clause by clause",
+      conform_command::run);
   add_drive_options(*command, options->bus, "Seconds to wait for each answer");
   add_cycle_options(*command, options->bus);
   add_watch_option(*command, options->bus);
@@ -212,7 +211,6 @@ void add_conform(CLI::App& app) {
       ->add_option("--units-per-revolution", options->units_per_revolution,
                    "Position units per motor revolution; from 6091h and 6092h, or 608Fh, if not given")
       ->check(number_within(1e-3, 1e9));
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

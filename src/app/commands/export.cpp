@@ -69,9 +69,8 @@ void run(const Options& options) {
 }  // namespace export_command
 
 void add_export(CLI::App& app) {
-  using namespace export_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("export", "Write a product's data sheet, object reference or register list");
+  const auto [command, options] = add_command(
+      app, "export", "Write a product's data sheet, object reference or register list", export_command::run);
   command
       ->add_option(
           "FORMAT", options->format,
@@ -81,7 +80,6 @@ void add_export(CLI::App& app) {
       ->check(CLI::IsMember({"eds", "csv", "md", "esi", "sii", "modbus"}));
   command->add_option("PRODUCT", options->product, "A name that `servodrome products` lists")->required();
   command->add_option("-o,--output", options->output, "File to write; standard output if not given");
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

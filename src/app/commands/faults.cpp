@@ -116,15 +116,13 @@ void run(const Options& options) {
 }  // namespace faults_command
 
 void add_faults(CLI::App& app) {
-  using namespace faults_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("faults",
-                                         "Show the active faults of a drive with cause and remedy, and its fault "
-                                         "history; exit status 1 if a fault is active");
+  const auto [command, options] = add_command(app, "faults",
+                                              "Show the active faults of a drive with cause and remedy, and its fault "
+                                              "history; exit status 1 if a fault is active",
+                                              faults_command::run);
   add_drive_options(*command, options->bus, "Seconds to wait for each answer");
   command->add_flag("--reset", options->reset, "Reset the fault first");
   command->add_flag("--clear-history", options->clear_history, "Empty the history (1003h) first");
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

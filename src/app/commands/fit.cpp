@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <fstream>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <sstream>
@@ -156,13 +155,12 @@ void run(const Options& options) {
 }  // namespace fit_command
 
 void add_fit(CLI::App& app) {
-  using namespace fit_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command =
-      app.add_subcommand("fit",
-                         "Identify the parameters of an axis from a recording of its motion: resistance, inductances, "
-                         "torque constant, inertia, friction, weight and delays, each with its confidence interval (95 "
-                         "%), and what to record for those that cannot be identified");
+  const auto [command, options] =
+      add_command(app, "fit",
+                  "Identify the parameters of an axis from a recording of its motion: resistance, inductances, "
+                  "torque constant, inertia, friction, weight and delays, each with its confidence interval (95 "
+                  "%), and what to record for those that cannot be identified",
+                  fit_command::run);
   command
       ->add_option("RECORDING", options->file,
                    "File of `scope -o` (.csv, .mcap), of the studio or the bench API, or the output of `scope --json`")
@@ -175,8 +173,9 @@ void add_fit(CLI::App& app) {
                    "ROLE=COLUMN or ROLE=COLUMN@UNIT: which column is position, velocity, torque, iq, id, vq, vd or "
                    "temperature, if its name is different; a unit may have a factor: vq=uq@0.1V")
       ->allow_extra_args(false);
-  const auto add = [&](const char* name, std::optional<double>& value, double low, double high, const char* text) {
-    command->add_option(name, value, text)->check(number_within(low, high));
+  const auto add = [&to = *command](const char* name, std::optional<double>& value, double low, double high,
+                                    const char* text) {
+    to.add_option(name, value, text)->check(number_within(low, high));
   };
   add("--rated-torque", options->motor.rated_torque_nm, 1e-6, 1e5, "Rated torque in Nm, for torques in % of it");
   add("--rated-current", options->motor.rated_current_a, 1e-6, 1e4, "Rated current in A rms, for currents in % of it");
@@ -194,7 +193,6 @@ void add_fit(CLI::App& app) {
       ->check(number_within(2, 3));
   CLI::Option* json = command->add_flag("--json", options->json, "Print JSON");
   command->add_flag("--toml", options->toml, "Print the keys of a line file, ready to be pasted")->excludes(json);
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

@@ -87,11 +87,10 @@ void torque(const TorqueOptions& options) {
 }  // namespace jog_command
 
 void add_jog(CLI::App& app) {
-  using namespace jog_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<JogOptions>();
-  CLI::App* command = app.add_subcommand(
-      "jog",
-      "Enable a drive and run it in profile velocity while an arrow key is held, or for some seconds; then stop it");
+  const auto [command, options] = add_command(
+      app, "jog",
+      "Enable a drive and run it in profile velocity while an arrow key is held, or for some seconds; then stop it",
+      jog_command::jog);
   command->add_option("--velocity", options->velocity, "Velocity (60FFh); with --seconds its sign is the direction")
       ->required();
   command->add_option("--acceleration", options->acceleration,
@@ -100,15 +99,14 @@ void add_jog(CLI::App& app) {
       ->check(number_within(0.001, 1e6));
   add_motion_options(*command, *options, "Not used: jogging ends after --seconds or with a key");
   command->remove_option(command->get_option("--timeout"));
-  command->callback([options] { jog(*options); });
 }
 
 void add_torque(CLI::App& app) {
-  using namespace jog_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<TorqueOptions>();
-  CLI::App* command = app.add_subcommand("torque",
-                                         "Enable a drive, apply a torque in profile torque mode for some seconds, and "
-                                         "stop it. Without a load the drive accelerates up to its speed limits");
+  const auto [command, options] =
+      add_command(app, "torque",
+                  "Enable a drive, apply a torque in profile torque mode for some seconds, and "
+                  "stop it. Without a load the drive accelerates up to its speed limits",
+                  jog_command::torque);
   command->add_option("--percent", options->percent, "Target torque (6071h) in % of the rated torque")
       ->required()
       ->check(number_within(-1000.0, 1000.0));
@@ -117,7 +115,6 @@ void add_torque(CLI::App& app) {
   add_seconds_option(*command, options->seconds, "Duration in seconds")->required()->check(number_within(0.001, 1e6));
   add_motion_options(*command, *options, "Not used: the torque ends after --seconds");
   command->remove_option(command->get_option("--timeout"));
-  command->callback([options] { torque(*options); });
 }
 
 }  // namespace servodrome::app

@@ -276,11 +276,10 @@ void run(const Options& options) {
 }  // namespace monitor_command
 
 void add_monitor(CLI::App& app) {
-  using namespace monitor_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "monitor",
-      "Show decoded CAN traffic, or on any bus objects of a drive, or with --axis what an axis does, until Ctrl-C");
+  const auto [command, options] = add_command(
+      app, "monitor",
+      "Show decoded CAN traffic, or on any bus objects of a drive, or with --axis what an axis does, until Ctrl-C",
+      monitor_command::run);
   command->add_option("OBJECT", options->objects, "INDEX[:SUB] in hexadecimal, or a name, e.g. 6064 or P01-02");
   add_drive_options(*command, options->bus, "Seconds to wait for each answer of the drive");
   command->add_option("--eds", options->eds, "Electronic data sheet with the drive's own objects, names and types");
@@ -291,7 +290,6 @@ void add_monitor(CLI::App& app) {
   command->add_option("--interval", options->interval_s, "Seconds between two readings of the drive")
       ->check(number_within(0.001, 3600.0))
       ->capture_default_str();
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

@@ -97,17 +97,13 @@ void disable(const BusOptions& options) {
 }  // namespace motion_command
 
 void add_disable(CLI::App& app) {
-  using namespace motion_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<BusOptions>();
-  CLI::App* command = app.add_subcommand("disable", "Stop a drive, whatever it does, and switch its motor off");
+  const auto [command, options] =
+      add_command(app, "disable", "Stop a drive, whatever it does, and switch its motor off", motion_command::disable);
   add_drive_options(*command, *options, "Seconds to wait for each answer");
-  command->callback([options] { disable(*options); });
 }
 
 void add_home(CLI::App& app) {
-  using namespace motion_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<HomeOptions>();
-  CLI::App* command = app.add_subcommand("home", "Enable a drive and home it");
+  const auto [command, options] = add_command(app, "home", "Enable a drive and home it", motion_command::home);
   command->add_option("--method", options->method, "Homing method (6098h); the drive's if not given")
       ->check(CLI::Range(-128, 127).description(""));
   command->add_option("--speed", options->speed,
@@ -116,13 +112,11 @@ void add_home(CLI::App& app) {
   command->add_option("--acceleration", options->acceleration, "Homing acceleration (609Ah)");
   command->add_option("--offset", options->offset, "Home offset (607Ch)");
   add_motion_options(*command, *options, "Seconds to wait until the motion is complete");
-  command->callback([options] { home(*options); });
 }
 
 void add_move(CLI::App& app) {
-  using namespace motion_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<MoveOptions>();
-  CLI::App* command = app.add_subcommand("move", "Enable a drive and move it in profile position mode");
+  const auto [command, options] =
+      add_command(app, "move", "Enable a drive and move it in profile position mode", motion_command::move);
   command->add_option("--to", options->to, "Target position");
   command->add_option("--by", options->by, "Distance from the last target");
   command->add_option("--velocity", options->velocity, "Profile velocity (6081h); the drive's if not given");
@@ -130,7 +124,6 @@ void add_move(CLI::App& app) {
   command->add_option("--deceleration", options->deceleration,
                       "Profile deceleration (6084h); as --acceleration if not given");
   add_motion_options(*command, *options, "Seconds to wait until the motion is complete");
-  command->callback([options] { move(*options); });
 }
 
 }  // namespace servodrome::app

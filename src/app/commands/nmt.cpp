@@ -43,17 +43,14 @@ void run(const Options& options) {
 }  // namespace nmt_command
 
 void add_nmt(CLI::App& app) {
-  using namespace nmt_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("nmt", "Send an NMT command");
+  const auto [command, options] = add_command(app, "nmt", "Send an NMT command", nmt_command::run);
   command->add_option("COMMAND", options->command, "start, stop, pre-operational, reset-node or reset-communication")
       ->required()
-      ->check(CLI::IsMember(words).description(""));
+      ->check(CLI::IsMember(nmt_command::words).description(""));
   add_bus_options(*command, options->bus, "Seconds to wait for the confirmation");
   add_node_option(*command, options->bus);
   command->add_flag("--all", options->all, "To all nodes");
   command->add_flag("--wait", options->wait, "Wait until heartbeat or boot-up confirms it");
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

@@ -149,24 +149,18 @@ void add_common(CLI::App& command, Options& options) {
 }  // namespace object_access_command
 
 void add_get(CLI::App& app) {
-  using namespace object_access_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("get", "Read objects of a drive");
+  const auto [command, options] = add_command(app, "get", "Read objects of a drive", object_access_command::get);
   command->add_option("OBJECT", options->objects, "INDEX[:SUB] in hexadecimal, or a name, e.g. 6041 or statusword")
       ->required();
-  add_common(*command, *options);
-  command->callback([options] { get(*options); });
+  object_access_command::add_common(*command, *options);
 }
 
 void add_set(CLI::App& app) {
-  using namespace object_access_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("set", "Write an object of a drive");
+  const auto [command, options] = add_command(app, "set", "Write an object of a drive", object_access_command::set);
   command->add_option("OBJECT", options->object, "INDEX[:SUB] in hexadecimal, or a name")->required();
   command->add_option("VALUE", options->value, "Decimal, 0x or h for hexadecimal, text, or bytes in hexadecimal")
       ->required();
-  add_common(*command, *options);
-  command->callback([options] { set(*options); });
+  object_access_command::add_common(*command, *options);
 }
 
 }  // namespace servodrome::app

@@ -311,43 +311,48 @@ void add_common(CLI::App& command, Options& options) {
                    "Include node-ID, bit rate and the other communication settings");
 }
 
+void add_save(CLI::App& params) {
+  const auto [command, options] = add_command(params, "save", "Write the parameters of a drive into a text file", save);
+  command->add_option("FILE", options->files, "File to write; - for standard output")->expected(0, 1);
+  command->add_option("-o,--output", options->output, "The same as FILE");
+  command->add_flag("--date", options->date, "Write the date into the file; without it equal drives give equal files");
+  add_common(*command, *options);
+}
+
+void add_load(CLI::App& params) {
+  const auto [command, options] =
+      add_command(params, "load",
+                  "Write the parameters of a file into a drive, read them back, and restore the "
+                  "previous values if one is rejected",
+                  load);
+  command->add_option("FILE", options->files, "File of `params save`, or a part of it")->expected(0, 1);
+  command->add_flag("--factory", options->factory, "Load the factory values of the product instead of a file");
+  command->add_flag("--store", options->store,
+                    "Store all parameters of the drive in non-volatile memory, not only those of the file");
+  command->add_flag("--force", options->force, "Load the file of another product as well");
+  command->add_flag("--skip-absent", options->skip_absent, "Skip parameters that the drive does not have on this bus");
+  add_common(*command, *options);
+}
+
+void add_diff(CLI::App& params) {
+  const auto [command, options] =
+      add_command(params, "diff",
+                  "Compare a file with a drive, with another file, or either with the factory's values; exit status 1: "
+                  "they differ",
+                  diff);
+  command->add_option("FILE", options->files, "One or two files")->expected(0, 2);
+  command->add_flag("--factory", options->factory, "Compare with the factory values of the product");
+  add_common(*command, *options);
+}
+
 }  // namespace params_command
 
 void add_params(CLI::App& app) {
-  using namespace params_command;  // NOLINT(google-build-using-namespace)
   CLI::App* params = app.add_subcommand("params", "Save, load and compare the parameters of a drive");
   params->require_subcommand(1);
-
-  const auto saved = std::make_shared<Options>();
-  CLI::App* command = params->add_subcommand("save", "Write the parameters of a drive into a text file");
-  command->add_option("FILE", saved->files, "File to write; - for standard output")->expected(0, 1);
-  command->add_option("-o,--output", saved->output, "The same as FILE");
-  command->add_flag("--date", saved->date, "Write the date into the file; without it equal drives give equal files");
-  add_common(*command, *saved);
-  command->callback([saved] { save(*saved); });
-
-  const auto loaded = std::make_shared<Options>();
-  command = params->add_subcommand("load",
-                                   "Write the parameters of a file into a drive, read them back, and restore the "
-                                   "previous values if one is rejected");
-  command->add_option("FILE", loaded->files, "File of `params save`, or a part of it")->expected(0, 1);
-  command->add_flag("--factory", loaded->factory, "Load the factory values of the product instead of a file");
-  command->add_flag("--store", loaded->store,
-                    "Store all parameters of the drive in non-volatile memory, not only those of the file");
-  command->add_flag("--force", loaded->force, "Load the file of another product as well");
-  command->add_flag("--skip-absent", loaded->skip_absent, "Skip parameters that the drive does not have on this bus");
-  add_common(*command, *loaded);
-  command->callback([loaded] { load(*loaded); });
-
-  const auto compared = std::make_shared<Options>();
-  command = params->add_subcommand(
-      "diff",
-      "Compare a file with a drive, with another file, or either with the factory's values; exit status 1: "
-      "they differ");
-  command->add_option("FILE", compared->files, "One or two files")->expected(0, 2);
-  command->add_flag("--factory", compared->factory, "Compare with the factory values of the product");
-  add_common(*command, *compared);
-  command->callback([compared] { diff(*compared); });
+  params_command::add_save(*params);
+  params_command::add_load(*params);
+  params_command::add_diff(*params);
 }
 
 }  // namespace servodrome::app

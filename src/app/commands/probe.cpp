@@ -49,11 +49,10 @@ void run(const Options& options) {
 }  // namespace probe_command
 
 void add_probe(CLI::App& app) {
-  using namespace probe_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "probe",
-      "Wait for an edge of a touch probe (60B8h), moving the axis if --by is given, and print the captured position");
+  const auto [command, options] = add_command(
+      app, "probe",
+      "Wait for an edge of a touch probe (60B8h), moving the axis if --by is given, and print the captured position",
+      probe_command::run);
   command->add_option("--probe", options->probe, "Touch probe: 1 or 2")
       ->check(CLI::Range(1, 2).description(""))
       ->capture_default_str();
@@ -66,7 +65,6 @@ void add_probe(CLI::App& app) {
   command->add_option("--by", options->by, "Distance to move while waiting; the axis stops at the edge");
   command->add_option("--velocity", options->velocity, "Velocity of this move (6081h); the drive's if not given");
   add_motion_options(*command, *options, "Seconds to wait for the edge");
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

@@ -354,10 +354,8 @@ void run(const Options& options) {
 }  // namespace prove_command
 
 void add_prove(CLI::App& app) {
-  using namespace prove_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command =
-      app.add_subcommand("prove", "Home every drive of a bus, move it there and back, and print the results");
+  const auto [command, options] = add_command(
+      app, "prove", "Home every drive of a bus, move it there and back, and print the results", prove_command::run);
   add_bus_options(*command, options->bus, "Seconds to wait until each motion is complete");
   command->get_option("--bus")->description(
       fmt::format("CAN link: {}; or EtherCAT: {}", links::client_forms(links::can_schemes, " or "),
@@ -388,7 +386,6 @@ void add_prove(CLI::App& app) {
       ->add_option("--units-per-revolution", options->units_per_revolution,
                    "Position units per motor revolution; from 6092h or 608Fh if not given, else 131072")
       ->check(number_within(1e-3, 1e9));
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

@@ -7,7 +7,6 @@
 #include <functional>
 #include <iostream>
 #include <iterator>
-#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "app/commands.hpp"
@@ -165,12 +164,11 @@ void run(const Options& options) {
 }  // namespace run_command
 
 void add_run(CLI::App& app) {
-  using namespace run_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command =
-      app.add_subcommand("run",
-                         "Run a motion script: commands for one axis or several, with waits and expectations; "
-                         "docs/script.md describes the language. Exit status 1 and the line if a command fails");
+  const auto [command, options] =
+      add_command(app, "run",
+                  "Run a motion script: commands for one axis or several, with waits and expectations; "
+                  "docs/script.md describes the language. Exit status 1 and the line if a command fails",
+                  run_command::run);
   command->add_option("SCRIPT", options->script, "File; - for standard input")->required();
   command->add_flag("--check", options->check, "Check the script only; no bus is opened");
   command->add_flag("--quiet", options->quiet, "Print only what the script prints, gets and probes");
@@ -184,7 +182,6 @@ void add_run(CLI::App& app) {
   command->add_flag("--disable", options->disable,
                     "Disable the drives at the end; otherwise drives that the script enabled or moved hold their "
                     "position (not on EtherCAT)");
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

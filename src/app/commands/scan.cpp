@@ -343,10 +343,10 @@ void run(const Options& given) {
 }  // namespace scan_command
 
 void add_scan(CLI::App& app) {
-  using namespace scan_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "scan", "List the nodes of a CANopen bus, the slaves of an EtherCAT segment, or the stations of a serial line");
+  const auto [command, options] = add_command(
+      app, "scan",
+      "List the nodes of a CANopen bus, the slaves of an EtherCAT segment, or the stations of a serial line",
+      scan_command::run);
   add_bus_options(*command, options->bus,
                   "Seconds to wait for each answer; 0.25 on CAN, 0.05 on a serial line if not given");
   command->get_option("--timeout")->default_str("");
@@ -372,7 +372,6 @@ void add_scan(CLI::App& app) {
   command->add_option("--listen", options->listen_s, "Seconds to listen for heartbeats of nodes that answer no SDO")
       ->check(number_within(0.0, 1e6))
       ->capture_default_str();
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

@@ -349,7 +349,8 @@ ordered_json json_of(const Options& options, const Outcome& outcome, const std::
   return json;
 }
 
-void record(Options options) {
+void record(const Options& given) {
+  Options options = given;
   for (const std::string& file : options.files) {
     format_of(file);
     if (file != "-") require_writable(file);
@@ -401,12 +402,11 @@ void record(Options options) {
 }  // namespace scope_command
 
 void add_scope(CLI::App& app) {
-  using namespace scope_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command =
-      app.add_subcommand("scope",
-                         "Record objects of a drive, by process data if the bus has them, else by reading; with "
-                         "trigger, measurements, files and a plot. Ctrl-C ends the recording and keeps its samples");
+  const auto [command, options] =
+      add_command(app, "scope",
+                  "Record objects of a drive, by process data if the bus has them, else by reading; with "
+                  "trigger, measurements, files and a plot. Ctrl-C ends the recording and keeps its samples",
+                  scope_command::record);
   command->add_option(
       "CHANNEL", options->channels,
       "Up to 16 objects: INDEX[:SUB], a name, or position, velocity, torque, current, following_error, inputs, mode, "
@@ -442,7 +442,6 @@ void add_scope(CLI::App& app) {
   add_drive_options(*command, options->bus, "Seconds to wait for the trigger");
   add_watch_option(*command, options->bus);
   command->add_flag("--clocks", options->bus.clocks, "EtherCAT: distributed clocks with SYNC0, instead of free run");
-  command->callback([options] { record(*options); });
 }
 
 }  // namespace servodrome::app

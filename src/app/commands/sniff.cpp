@@ -393,9 +393,8 @@ void run(const Options& options) {
 
 void add_sniff(CLI::App& app) {
   using namespace sniff_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "sniff", "Decode a capture or a live bus: services, objects by name with values, states, errors");
+  const auto [command, options] = add_command(
+      app, "sniff", "Decode a capture or a live bus: services, objects by name with values, states, errors", run);
   command
       ->add_option(
           "SOURCE", options->source,
@@ -431,7 +430,6 @@ void add_sniff(CLI::App& app) {
                     "Print a summary at the end: frames by service and source, errors, bus load");
   command->add_flag("--quiet", options->quiet, "Print the summary only");
   command->add_flag("--json", options->json, "Print JSON, a line per frame");
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

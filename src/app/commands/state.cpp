@@ -120,10 +120,9 @@ void run(const Options& options) {
 }  // namespace state_command
 
 void add_state(CLI::App& app) {
-  using namespace state_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "state", "Show or change the state of EtherCAT slaves; process data are exchanged while OP is held");
+  const auto [command, options] = add_command(
+      app, "state", "Show or change the state of EtherCAT slaves; process data are exchanged while OP is held",
+      state_command::run);
   command->add_option("STATE", options->state, "init, preop, boot, safeop or op; the states are shown if not given");
   add_bus_options(*command, options->bus, "Seconds to wait for each answer of a slave");
   command->get_option("--bus")->description(links::client_forms(links::ethercat_schemes_easiest_first, " or "));
@@ -132,7 +131,6 @@ void add_state(CLI::App& app) {
   add_cycle_options(*command, options->bus);
   add_seconds_option(*command, options->seconds, "Duration of OP in seconds; until Ctrl-C if not given")
       ->check(number_within(0.001, 1e9));
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

@@ -127,10 +127,9 @@ void run(const Options& options) {
 }  // namespace studio_command
 
 void add_studio(CLI::App& app) {
-  using namespace studio_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "studio", "Run the studio and its API for a project, or for the drives on one or more buses, until Ctrl-C");
+  const auto [command, options] = add_command(
+      app, "studio", "Run the studio and its API for a project, or for the drives on one or more buses, until Ctrl-C",
+      studio_command::run);
   command->add_option(
       "FOLDER", options->folder,
       "Project: a folder with a virtual line or the names of buses, and with all that the studio keeps");
@@ -153,7 +152,6 @@ void add_studio(CLI::App& app) {
   command->add_option("--api", options->api, "ADDRESS:PORT of the server (127.0.0.1:8402); port 0: the system chooses");
   command->add_option("--page", options->page,
                       "Folder with the studio's page; if not given $SERVODROME_STUDIO, or the one that was built");
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <fmt/format.h>
 #include <map>
-#include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -246,10 +245,8 @@ void run(const Options& options) {
 }  // namespace trial_command
 
 void add_trial(CLI::App& app) {
-  using namespace trial_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command =
-      app.add_subcommand("trial", "Run your master through scenarios in which drives and buses misbehave");
+  const auto [command, options] = add_command(
+      app, "trial", "Run your master through scenarios in which drives and buses misbehave", trial_command::run);
   command->add_option("--scenarios", options->scenarios, "Folders with scenario files, or scenario files")
       ->allow_extra_args(false);
   command->add_option("MASTER", options->master,
@@ -282,7 +279,6 @@ void add_trial(CLI::App& app) {
                     "Print a JSON Schema of scenario files, for editors that complete and check TOML");
   command->add_flag("--list", options->list, "List the scenarios, check them, and run nothing");
   command->add_flag("--json", options->json, "Print JSON");
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

@@ -264,12 +264,11 @@ void run(const Options& options) {
 }  // namespace tune_command
 
 void add_tune(CLI::App& app) {
-  using namespace tune_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "tune",
+  const auto [command, options] = add_command(
+      app, "tune",
       "Measure a drive's velocity loop over CAN or EtherCAT and propose gains for a target bandwidth; --apply writes "
-      "them and measures the result. The axis moves slowly, some revolutions forward and back");
+      "them and measures the result. The axis moves slowly, some revolutions forward and back",
+      tune_command::run);
   add_drive_options(*command, options->bus, "Seconds to wait for each answer");
   add_watch_option(*command, options->bus);
   add_cycle_options(*command, options->bus);
@@ -306,7 +305,6 @@ void add_tune(CLI::App& app) {
                    "Position units of the drive per motor revolution, if the drive does not report them (ISMC)")
       ->check(number_within(1e-3, 1e9));
   command->add_flag("--reset-fault", options->reset_fault, "Reset a fault first");
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app

@@ -1,5 +1,4 @@
 #include <fmt/format.h>
-#include <memory>
 
 #include "app/bus_links.hpp"
 #include "app/commands.hpp"
@@ -55,9 +54,7 @@ void run(const Options& options) {
 }  // namespace up_command
 
 void add_up(CLI::App& app) {
-  using namespace up_command;  // NOLINT(google-build-using-namespace)
-  const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("up", "Run a line of drives until Ctrl-C");
+  const auto [command, options] = add_command(app, "up", "Run a line of drives until Ctrl-C", up_command::run);
   command->add_option("LINE", options->file, "Line file (TOML); the built-in line with five drives if not given");
   command
       ->add_option("--eds", options->descriptions.data_sheets,
@@ -88,7 +85,6 @@ void add_up(CLI::App& app) {
                       "Folder with the studio's page; if not given $SERVODROME_STUDIO, or the one that was built");
   command->add_option("--ready-file", options->ready_file, "Write this file (JSON) when the line is ready");
   command->add_flag("--json", options->json, "Print one JSON object when the line is ready, instead of a table");
-  command->callback([options] { run(*options); });
 }
 
 }  // namespace servodrome::app
