@@ -6,6 +6,7 @@
 
 #include "axis/axis402.hpp"
 #include "axis/cia402_words.hpp"
+#include "axis/standstill.hpp"
 
 namespace servodrome::master {
 namespace {
@@ -37,9 +38,6 @@ bool acts_in(const StandingTarget& target, std::int8_t mode) {
 
 // True for the modes in which this master knows which targets move the axis.
 bool is_known(std::int8_t mode) { return mode == immediate_velocity || (mode >= 0 && mode <= most_modes && mode != 5); }
-
-constexpr std::int64_t still_counts = 10;  // tolerance between two polls: encoder noise and control loop move the shaft
-                                           // a little
 
 }  // namespace
 
@@ -101,7 +99,6 @@ void Axis402::take_back_targets_of_idle_axis() {
 // Uses the position of the shaft, because on some drives the standstill in the statusword refers to the demand, and
 // 606Ch is noisy.
 bool Axis402::rests_within(Time span) {
-  constexpr Time standing = std::chrono::milliseconds(50);
   const Time deadline = objects_.now() + span;
   std::int32_t lowest = position();
   std::int32_t highest = lowest;
@@ -114,7 +111,7 @@ bool Axis402::rests_within(Time span) {
     if (std::int64_t{highest} - lowest > still_counts) {
       lowest = highest = at;
       since = now;
-    } else if (now - since >= standing) {
+    } else if (now - since >= still_time) {
       return true;
     }
     if (now >= deadline) return false;

@@ -6,6 +6,7 @@
 
 #include "axis/axis402.hpp"
 #include "axis/cia402_words.hpp"
+#include "axis/standstill.hpp"
 
 namespace servodrome::master {
 namespace {
@@ -18,7 +19,6 @@ constexpr std::uint32_t entry_for(std::uint8_t node_id) { return std::uint32_t{n
 
 // Compares positions, because 606Ch is noisy and not every drive has it.
 bool moves(ObjectClient& drive) {
-  constexpr std::int64_t still_counts = 10;
   constexpr Time between_looks = std::chrono::milliseconds(20);
   Axis402 axis(drive);
   const PowerState state = axis.state();

@@ -7,13 +7,13 @@
 #include "axis/cyclic/interpolation_time.hpp"
 #include "axis/cyclic/lost_master.hpp"
 #include "axis/cyclic/quick_stop.hpp"
+#include "axis/standstill.hpp"
 
 namespace servodrome::master {
 
 namespace {
 
 constexpr Time longest_stop = std::chrono::seconds(2);
-constexpr Time standing = std::chrono::milliseconds(50);
 // From writing an output until the inputs show its effect (master/ethercat/coe_objects.cpp).
 constexpr int cycles_to_act = 4;
 
@@ -22,7 +22,6 @@ class Standstill {
  public:
   // Call it in each cycle. Returns true if the position has stayed the same for `span`, or is not in the process data.
   bool lasts(Time span, ProcessImage& image, Time now) {
-    constexpr std::int64_t still_counts = 10;  // as in Axis402::rests_within()
     auto shown = image.input({0x6064, 0});
     if (!shown) shown = image.input({0x6063, 0});
     if (!shown) return true;
@@ -78,7 +77,7 @@ void EthercatCyclicBus::stop_drives() {
     bool all = true;
     for (std::size_t i = 0; i < images_.size(); ++i) {
       if (!can_stop(i) || !commands_quick_stop(images_[i])) continue;
-      const bool stands = shafts[i].lasts(standing + options_.brake_delay, images_[i], master_.now());
+      const bool stands = shafts[i].lasts(still_time + options_.brake_delay, images_[i], master_.now());
       const auto state = shown_state(images_[i]);
       const bool operates = state == PowerState::operation_enabled || state == PowerState::quick_stop_active;
       if (operates || !stands) all = false;
