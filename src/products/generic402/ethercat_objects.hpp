@@ -23,22 +23,10 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
   builder.append(ethercat::communication_section<Communication>, offsetof(EthercatObjects, communication));
   builder.append(ethercat::storage_section);
   builder.add(text_constant(0x1008, "Manufacturer device name", "Servodrome CiA 402 reference drive, EtherCAT"));
-  builder.add(text_constant(0x1009, "Manufacturer hardware version", "simulated"));
-  builder.add(text_constant(0x100A, "Manufacturer software version", "1.0"));
-  builder.append(drive::cia402_section, offsetof(EthercatObjects, drive));
-  builder.append(drive::supported_homing_methods(drive::cia402_methods));
-  builder.add(number_constant(0x67FF, 0, ObjectCode::var, "Single device type", Type::unsigned32, servo_drive));
-  builder.append(manufacturer_section, offsetof(EthercatObjects, manufacturer));
-  // Removed: objects of CANopen, and objects that the CAN variant omits too.
-  for (const std::uint16_t index :
-       std::to_array<std::uint16_t>({0x1021, 0x1022, 0x2F00, 0x2F01, 0x2F20, 0x6090, 0x6093, 0x6094})) {
-    builder.remove(index);
-  }
-  builder.set_default(0x1000, 0, servo_drive);
-  builder.set_default(0x1018, 1, vendor_id)
-      .set_default(0x1018, 2, ethercat_product_code)
-      .set_default(0x1018, 3, revision_number);
-  builder.set_default(0x6099, 1, 262144).set_default(0x6099, 2, 32768).set_default(0x609A, 0, 1310720);
+  append_servo_objects(builder, offsetof(EthercatObjects, drive), offsetof(EthercatObjects, manufacturer));
+  // Removed: objects of the ports that this variant does not have, CANopen and RS485.
+  builder.remove(0x1021).remove(0x1022).remove(0x2F00).remove(0x2F01).remove(0x2F20);
+  set_identity(builder, ethercat_product_code, revision_number);
   // One pair of PDOs for all cyclic modes and homing, then a pair for each usual way of control.
   builder.map_pdo(0x1600, {0x60400010, 0x607A0020, 0x60FF0020, 0x60710010, 0x60600008, 0x00000008});
   builder.map_pdo(0x1601, {0x60400010, 0x607A0020});

@@ -185,6 +185,22 @@ inline constexpr auto manufacturer_section = [] {
   });
 }();
 
+// Appends the objects that all variants have: versions, CiA 402 and manufacturer. `at_drive` and `at_manufacturer` are
+// the offsets of the structs with their values.
+template <std::size_t Capacity>
+constexpr void append_servo_objects(dictionary::TableBuilder<Capacity>& builder, std::size_t at_drive,
+                                    std::size_t at_manufacturer) {
+  using namespace dictionary;  // NOLINT(google-build-using-namespace)
+  builder.add(text_constant(0x1009, "Manufacturer hardware version", "simulated"));
+  builder.add(text_constant(0x100A, "Manufacturer software version", "1.0"));
+  builder.append(drive::cia402_section, at_drive);
+  builder.append(drive::supported_homing_methods(drive::cia402_methods));
+  builder.add(number_constant(0x67FF, 0, ObjectCode::var, "Single device type", Type::unsigned32, servo_drive));
+  builder.append(manufacturer_section, at_manufacturer);
+  builder.remove(0x6090).remove(0x6093).remove(0x6094);
+  builder.set_default(0x6099, 1, 262144).set_default(0x6099, 2, 32768).set_default(0x609A, 0, 1310720);
+}
+
 inline constexpr auto object_table = dictionary::make_table<[] {
   using namespace dictionary;  // NOLINT(google-build-using-namespace)
   using Communication = decltype(Objects::communication);
@@ -196,19 +212,10 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.append(canopen::rpdo_section<Communication>, at_communication);
   builder.append(canopen::tpdo_section<Communication>, at_communication);
   builder.add(text_constant(0x1008, "Manufacturer device name", "Servodrome CiA 402 reference drive"));
-  builder.add(text_constant(0x1009, "Manufacturer hardware version", "simulated"));
-  builder.add(text_constant(0x100A, "Manufacturer software version", "1.0"));
-  builder.append(drive::cia402_section, offsetof(Objects, drive));
-  builder.append(drive::supported_homing_methods(drive::cia402_methods));
-  builder.add(number_constant(0x67FF, 0, ObjectCode::var, "Single device type", Type::unsigned32, servo_drive));
-  builder.append(manufacturer_section, offsetof(Objects, manufacturer));
-  builder.remove(0x1002).remove(0x6090).remove(0x6093).remove(0x6094);
+  append_servo_objects(builder, offsetof(Objects, drive), offsetof(Objects, manufacturer));
+  builder.remove(0x1002);
 
-  builder.set_default(0x1000, 0, servo_drive);
-  builder.set_default(0x1018, 1, vendor_id)
-      .set_default(0x1018, 2, product_code)
-      .set_default(0x1018, 3, revision_number);
-  builder.set_default(0x6099, 1, 262144).set_default(0x6099, 2, 32768).set_default(0x609A, 0, 1310720);
+  set_identity(builder, product_code, revision_number);
 
   // The default PDOs of CiA 402-2 for a drive of all modes. Each has the controlword or the statusword; PDO 2 adds the
   // mode, PDO 3 the position, PDO 4 the velocity. The inhibit time of TPDOs with actual values keeps axes in motion

@@ -169,10 +169,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.pick(drive::cia402_section, cia402_objects, offsetof(Objects, drive));
   builder.append(manufacturer_section, offsetof(Objects, manufacturer));
 
-  builder.set_default(0x1000, 0, servo_drive);
-  builder.set_default(0x1018, 1, vendor_id)
-      .set_default(0x1018, 2, product_code)
-      .set_default(0x1018, 3, revision_number);
+  set_identity(builder, product_code, revision_number);
 
   // Factory PDOs are those of the manual's application example (ch. 6, Table 5-2); PDO 3 and 4 are off (G7).
   builder.map_pdo(0x1600, {0x60400010, 0x60600008, 0x607A0020});

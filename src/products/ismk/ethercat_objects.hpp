@@ -30,10 +30,7 @@ inline constexpr auto ethercat_object_table = dictionary::make_table<[] {
   builder.set_default(0x60C2, 1, 4);
   for (const std::uint8_t sub : {std::uint8_t{1}, std::uint8_t{2}}) builder.at(0x60C2, sub).saved = false;
 
-  builder.set_default(0x1000, 0, servo_drive);
-  builder.set_default(0x1018, 1, vendor_id)
-      .set_default(0x1018, 2, ethercat_product_code)
-      .set_default(0x1018, 3, revision_number);
+  set_identity(builder, ethercat_product_code, revision_number);
   // A pair of PDOs for all modes, and one pair each for position, speed and current.
   builder.map_pdo(0x1600, {0x60400010, 0x607A0020, 0x60FF0020, 0x60F60810, 0x60600008, 0x00000008});
   builder.map_pdo(0x1601, {0x60400010, 0x607A0020, 0x60810020});

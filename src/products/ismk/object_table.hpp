@@ -116,10 +116,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   builder.add(text_constant(0x1008, "Manufacturer device name", "iSMK"));
   append_servo_objects(builder, offsetof(Objects, servo));
 
-  builder.set_default(0x1000, 0, servo_drive);
-  builder.set_default(0x1018, 1, vendor_id)
-      .set_default(0x1018, 2, product_code)
-      .set_default(0x1018, 3, revision_number);
+  set_identity(builder, product_code, revision_number);
   builder.set_default(0x100C, 0, 1000).set_default(0x100D, 0, 3);  // Table 9-26
   // The station number is the only communication object that the manual prints as savable: the master configures the
   // node at every start (ch. 9.3.3.4 and 9.4).

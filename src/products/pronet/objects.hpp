@@ -182,10 +182,7 @@ inline constexpr auto object_table = dictionary::make_table<[] {
   }
   builder.count = kept;
 
-  builder.set_default(0x1000, 0, servo_drive);
-  builder.set_default(0x1018, 1, vendor_id)
-      .set_default(0x1018, 2, product_code)
-      .set_default(0x1018, 3, revision_number);
+  set_identity(builder, product_code, revision_number);
 
   // PDOs from the factory (ch. 3.3; identifiers of PDO 3 and 4: C1).
   builder.map_pdo(0x1600, {0x60400010, 0x60FF0020});
