@@ -18,6 +18,14 @@ MessageKind numbered(MessageKind first, unsigned number) {
 
 ObjectAddress object_in(const canopen::Frame& frame) { return {sdo::multiplexer_index(frame), frame.data[3]}; }
 
+Message canopen_message(const canopen::Frame& frame, MessageKind direction) {
+  Message message;
+  message.id = frame.id;
+  message.bytes = std::span(frame.data).first(frame.length);
+  message.add(direction);
+  return message;
+}
+
 // The request that begins a transfer contains the object: initiate of download, upload, block download and block upload
 // (CiA 301 7.2.4.3).
 bool begins_transfer(const canopen::Frame& frame) {
@@ -69,10 +77,7 @@ void CanopenMessages::add_pdo(Message& message, std::uint16_t parameter, Message
 }
 
 Message CanopenMessages::outgoing(const canopen::Frame& frame) const {
-  Message message;
-  message.id = frame.id;
-  message.bytes = std::span(frame.data).first(frame.length);
-  message.add(MessageKind::from_drive);
+  Message message = canopen_message(frame, MessageKind::from_drive);
   const std::uint32_t node = device_.node_id();
   if (frame.id == connection_set::sdo_response + node) {
     message.add(MessageKind::sdo_answer);
@@ -89,10 +94,7 @@ Message CanopenMessages::outgoing(const canopen::Frame& frame) const {
 }
 
 Message CanopenMessages::incoming(const canopen::Frame& frame) {
-  Message message;
-  message.id = frame.id;
-  message.bytes = std::span(frame.data).first(frame.length);
-  message.add(MessageKind::to_drive);
+  Message message = canopen_message(frame, MessageKind::to_drive);
   const std::uint32_t node = device_.node_id();
   if (frame.id == connection_set::sdo_request + node) {
     message.add(MessageKind::sdo_request);
