@@ -45,9 +45,9 @@ Measurement::Measurement(const Sensors& sensors, std::int32_t counts_per_revolut
   least_step_a_ = static_cast<float>(step);
   steps_per_a_ = step > 0.0 ? static_cast<float>(1.0 / step) : 0.0F;
   current_noise_a_ = static_cast<float>(sensors.current_noise * range);
-  for (CurrentSensor& sensor : currents_) {
-    sensor.offset_a = static_cast<float>(noise_.even() * sensors.current_offset * range);
-    sensor.gain = static_cast<float>(1.0 + noise_.even() * sensors.current_gain_error);
+  for (std::size_t phase = 0; phase < 3; ++phase) {
+    offset_a_[phase] = static_cast<float>(noise_.even() * sensors.current_offset * range);
+    gain_[phase] = static_cast<float>(1.0 + noise_.even() * sensors.current_gain_error);
   }
   position_noise_counts_ = static_cast<float>(sensors.encoder_noise_arcsec * counts_per_arcsec);
   if (lines_ > 0) {
@@ -57,26 +57,25 @@ Measurement::Measurement(const Sensors& sensors, std::int32_t counts_per_revolut
 }
 
 void Measurement::measure(ShaftPlace place, bool frozen, drive::Feedback& feedback) {
-  const std::array<float, 4> noise = noise_.four();
+  const FourFloats noise = noise_.four();
   past_[++tick_ % past_ticks] = place;
   measure_currents(noise, feedback);
   if (!frozen) measure_position(place, noise[3], feedback);
 }
 
-[[gnu::always_inline]] inline void Measurement::measure_currents(const std::array<float, 4>& noise,
-                                                                 drive::Feedback& feedback) const {
+// One vector for all phases: a loop over them takes 40 instructions of a tick more.
+[[gnu::always_inline]] inline void Measurement::measure_currents(FourFloats noise, drive::Feedback& feedback) const {
   constexpr float no_fraction = 0x1.8p23F;  // adding and subtracting it rounds to an integer
-  const float range = range_a_;
-  const float noise_a = current_noise_a_;
-  const float steps_per_a = steps_per_a_;
-  const float least_step = least_step_a_;
-  for (std::size_t phase = 0; phase < 3; ++phase) {
-    const CurrentSensor& sensor = currents_[phase];
-    float current = feedback.phase_current_a[phase] * sensor.gain + sensor.offset_a + noise_a * noise[phase];
-    current = std::clamp(current, -range, range);
-    const float whole = (current * steps_per_a + no_fraction) - no_fraction;
-    feedback.phase_current_a[phase] = least_step > 0.0F ? whole * least_step : current;
-  }
+  const FourFloats high_a{range_a_, range_a_, range_a_, range_a_};
+  const FourFloats low_a = -high_a;
+  auto& [u, v, w] = feedback.phase_current_a;
+  FourFloats current_a = FourFloats{u, v, w} * gain_ + offset_a_ + current_noise_a_ * noise;
+  current_a = current_a < low_a ? low_a : current_a;
+  current_a = current_a > high_a ? high_a : current_a;
+  if (least_step_a_ > 0.0F) current_a = ((current_a * steps_per_a_ + no_fraction) - no_fraction) * least_step_a_;
+  u = current_a[0];
+  v = current_a[1];
+  w = current_a[2];
 }
 
 // Distance that the shaft has moved in the last ticks.
@@ -110,12 +109,14 @@ void Measurement::measure(ShaftPlace place, bool frozen, drive::Feedback& feedba
   if (single < 0 || single >= counts_per_revolution_) [[unlikely]]
     single = (single % counts_per_revolution_ + counts_per_revolution_) % counts_per_revolution_;
   feedback.single_turn_counts = static_cast<std::uint32_t>(single);
-  expect(static_cast<double>(true_single) + off + step);
+  const double expected = static_cast<double>(true_single) + off + step;
+  if (expected != expected_) expect(expected);
 }
 
 // The error of the encoder in the next tick is computed for the place that the present speed predicts. So the processor
 // can compute it while it solves the machine; the true place is known only after that.
 [[gnu::always_inline]] inline void Measurement::expect(double single_turn) {
+  expected_ = single_turn;
   const auto angle = static_cast<drive::Phase>(static_cast<std::int64_t>(single_turn * phase_per_count_));
   const drive::Phase signal = angle * lines_;
   error_counts_ = eccentricity_.at(angle) + (once_.at(signal) + twice_.at(2 * signal));

@@ -32,10 +32,6 @@ class Measurement {
   void place(const ShaftPlace& place);
 
  private:
-  struct CurrentSensor {
-    float gain = 1.0F;
-    float offset_a = 0.0F;
-  };
   static constexpr std::size_t past_ticks = 8;  // a power of two above the longest latency in ticks
 
   // A sine of the angle, in counts.
@@ -46,14 +42,15 @@ class Measurement {
     float at(drive::Phase angle) const;
   };
 
-  void measure_currents(const std::array<float, 4>& noise, drive::Feedback& feedback) const;
+  void measure_currents(FourFloats noise, drive::Feedback& feedback) const;
   void measure_position(ShaftPlace place, float noise, drive::Feedback& feedback);
   double moved_counts(ShaftPlace place, std::size_t ticks) const;
   void expect(double single_turn);
 
   bool ideal_;
   Noise noise_;
-  std::array<CurrentSensor, 3> currents_{};
+  FourFloats gain_{};  // of the current sensors U, V, W
+  FourFloats offset_a_{};
   float range_a_;
   float least_step_a_;  // 0: none
   float steps_per_a_;
@@ -67,7 +64,8 @@ class Measurement {
   Ripple eccentricity_;
   Ripple once_;  // per signal period
   Ripple twice_;
-  float error_counts_ = 0.0F;  // of the next measurement
+  double expected_ = 0.0;  // place within the turn for the next measurement, and the error there
+  float error_counts_ = 0.0F;
   std::size_t tick_ = 0;
   std::array<ShaftPlace, past_ticks> past_{};  // the entry of tick n is at n modulo the size
 };

@@ -110,6 +110,9 @@ void Plant::place(std::int64_t position_counts) {
 void Plant::step_imperfect(const drive::Actuation& actuation, drive::Feedback& feedback) {
   if (stage_.ideal()) {
     step_machine(actuation, feedback);
+  } else if (!PowerStage::modulates(actuation)) {
+    stage_.pause();
+    step_machine(actuation, feedback);
   } else {
     step_machine(stage_.apply(actuation, current_a_, dc_link_.volts()), feedback);
     switch_j_ += stage_.loss_w() * h;

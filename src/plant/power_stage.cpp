@@ -33,12 +33,6 @@ drive::Actuation PowerStage::apply(const drive::Actuation& commanded, const std:
                           .dc_link_connected = commanded.dc_link_connected,
                           .chopper_on = commanded.chopper_on,
                           .outputs = commanded.outputs};
-  loss_w_ = 0.0;
-  if (!commanded.pwm_enabled || commanded.short_circuit) {  // both act at once; the PWM then restarts from zero
-    waiting_ = {};
-    acting.phase_voltage_v = commanded.phase_voltage_v;
-    return acting;
-  }
   newest_ = (newest_ + 1) % waiting_.size();
   waiting_[newest_] = commanded.phase_voltage_v;
   std::array<double, 3> volts;

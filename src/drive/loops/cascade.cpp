@@ -186,7 +186,7 @@ void Cascade::run_tick(const Feedback& feedback, Actuation& actuation) {
     run_current_loop<Phases>(current, reference, electrical_rad_per_s_, ahead, feedback.dc_link_v, actuation);
   } else {
     actuation.phase_voltage_v = {};
-    rests_ = at_rest(feedback.position_counts) && !carries_current(feedback);
+    rests_ = !carries_current(feedback) && at_rest(feedback.position_counts);
     rest_position_ = feedback.position_counts;
   }
 }
