@@ -148,20 +148,25 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
   const double u = static_cast<double>(actuation.phase_voltage_v[0]);
   const double v = static_cast<double>(actuation.phase_voltage_v[1]);
   const double w = static_cast<double>(actuation.phase_voltage_v[2]);
-  const double range = std::max(u, std::max(v, w)) - std::min(u, std::min(v, w));
   const double sum = u + (v + w);
-  const bool usual = actuation.pwm_enabled && !actuation.short_circuit && (unusual_ & ~encoder_frozen) == 0 &&
-                     range <= link_v && sum - sum == 0.0 && windings_.turns_little(turn);  // finite
-  const double alpha = u - sum * (1.0 / 3.0);
-  const double beta = (v - w) * 0.57735026918962576;
+  double range = std::max(u, std::max(v, w)) - std::min(u, std::min(v, w));
+  double alpha = u - sum * (1.0 / 3.0);
+  double beta = (v - w) * 0.57735026918962576;
+  const bool star = (unusual_ & two_phases) == 0;
+  if (!star) [[unlikely]] {  // two windings, each with a full bridge
+    range = std::max(std::abs(u), std::abs(v));
+    alpha = u;
+    beta = v;
+  }
+  bridges_run_ = actuation.pwm_enabled && !actuation.short_circuit;
+  const bool usual = bridges_run_ && (unusual_ & ~(encoder_frozen | two_phases)) == 0 && range <= link_v &&
+                     sum - sum == 0.0 && windings_.turns_little(turn);  // finite
   const double direct_v = alpha * cosine_ + beta * sine_;
   const double quadrature_v = beta * cosine_ - alpha * sine_;
   const auto excitation = [&] {
     if (usual) return Excitation{.volts = {alpha, beta}};
     return unusual_excitation(actuation);
   };
-  if (!usual) [[unlikely]]
-    bridges_run_ = actuation.pwm_enabled && !actuation.short_circuit;
 
   // The usual tick takes two steps, each with an exceptional case: first currents, then motion.
   WindingTick windings;
@@ -172,8 +177,9 @@ void Plant::step_machine(const drive::Actuation& actuation, drive::Feedback& fee
     shaft = both.shaft;
     stop_j_ += shaft.stop_j;
   } else {
-    windings = shaft_.held() ? windings_.driven_at_rest(direct_v, quadrature_v)
-                             : windings_.driven(direct_v, quadrature_v, turn, response);
+    // Two windings use driven() at rest too: recorded motions contain its rounding.
+    windings = star && shaft_.held() ? windings_.driven_at_rest(direct_v, quadrature_v)
+                                     : windings_.driven(direct_v, quadrature_v, turn, response);
     if (!usual || astray(windings)) [[unlikely]]
       windings = solve_windings(excitation(), response);
     if (!shaft_.slide(response, windings.torque_nm, other_torque, shaft)) [[unlikely]] {
