@@ -26,6 +26,26 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
   for (EthercatObserver* observer : observers_) {
     observer->on_frame(frame, encapsulation, EthercatObserver::Direction::in, at);
   }
+  const bool usual = !disturbance_ && interposer_ == nullptr && kept_.empty();
+  Passage passage = usual ? Passage{segment_.process(frame, at, entry, encapsulation), Time{}, frame.size()}
+                          : pass_disturbed(frame, at, entry, encapsulation);
+  count(passage);
+  if (passage.exit != Exit::lost) {
+    for (EthercatObserver* observer : observers_) {
+      observer->on_frame(frame.first(passage.length), encapsulation, EthercatObserver::Direction::out, passage.leaves);
+    }
+  }
+  for (const std::vector<std::uint8_t>& extra : passage.behind) {
+    for (EthercatObserver* observer : observers_) {
+      observer->on_frame(extra, encapsulation, EthercatObserver::Direction::out, passage.leaves);
+    }
+  }
+  return passage;
+}
+
+// Passes a frame with the effects of a disturbance, an interposer, and frames that were kept.
+EthercatBus::Passage EthercatBus::pass_disturbed(std::span<std::uint8_t> frame, Time at, Port entry,
+                                                 Encapsulation encapsulation) {
   Blow blow = disturbance_ ? draw() : Blow{};
   if (interposer_ != nullptr) enter_interposed(blow, frame, encapsulation, at);
   Passage passage;
@@ -43,17 +63,6 @@ EthercatBus::Passage EthercatBus::pass(std::span<std::uint8_t> frame, Time at, P
   if (blow.drop_answer) passage.exit = Exit::lost;
   if (interposer_ != nullptr && passage.exit != Exit::lost) return_interposed(passage, frame, encapsulation);
   if (!kept_.empty()) return_kept(passage, at);
-  count(passage);
-  if (passage.exit != Exit::lost) {
-    for (EthercatObserver* observer : observers_) {
-      observer->on_frame(frame.first(passage.length), encapsulation, EthercatObserver::Direction::out, passage.leaves);
-    }
-  }
-  for (const std::vector<std::uint8_t>& extra : passage.behind) {
-    for (EthercatObserver* observer : observers_) {
-      observer->on_frame(extra, encapsulation, EthercatObserver::Direction::out, passage.leaves);
-    }
-  }
   return passage;
 }
 

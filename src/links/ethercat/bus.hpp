@@ -146,6 +146,7 @@ class EthercatBus {
     std::optional<std::size_t> corrupts_at;
     unsigned passes = 1;
   };
+  Passage pass_disturbed(std::span<std::uint8_t> frame, Time at, Port entry, Encapsulation encapsulation);
   Blow draw();
   void enter_interposed(Blow& blow, std::span<std::uint8_t> frame, Encapsulation encapsulation, Time at);
   void return_interposed(Passage& passage, std::span<std::uint8_t> frame, Encapsulation encapsulation);
