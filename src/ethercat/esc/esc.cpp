@@ -25,14 +25,27 @@ bool Esc::addressed(std::uint16_t station) const {
   return true;
 }
 
-// Quick path for a broadcast read of 16 bits of which none is computed or acknowledged by reading, such as AL status.
-// Returns false, without any effect, for any other.
-[[gnu::always_inline]] inline bool Esc::combine_word(Datagram datagram) {
+// Returns true if a datagram reads registers in one block of which none is computed or acknowledged by reading, such as
+// AL status.
+[[gnu::always_inline]] inline bool Esc::is_plain(Datagram datagram) const {
   const std::uint32_t address = datagram.offset();
-  if (datagram.length != 2 || address % 16 == 15 || address >= reg::process_memory) return false;
-  if (live_register_blocks[address / 16] || ecat_events_ != 0) return false;
+  if (address % 16 + datagram.length > 16 || address >= reg::process_memory) return false;
+  return !live_register_blocks[address / 16] && ecat_events_ == 0;
+}
+
+// Quick path for a broadcast read of 16 plain bits. Returns false, without any effect, for any other.
+[[gnu::always_inline]] inline bool Esc::combine_word(Datagram datagram) {
+  if (datagram.length != 2 || !is_plain(datagram)) return false;
   datagram.set_position(datagram.position() + 1U);
-  store_u16(datagram.data(), load_u16(datagram.data()) | load_u16(&memory_[address]));
+  store_u16(datagram.data(), load_u16(datagram.data()) | load_u16(&memory_[datagram.offset()]));
+  datagram.count(gain(true, false, false));
+  return true;
+}
+
+// Quick path for a read of plain registers of this slave. Returns false, without any effect, for any other.
+[[gnu::always_inline]] inline bool Esc::read_plain(Datagram datagram) {
+  if (datagram.length == 0 || !is_plain(datagram)) return false;
+  copy_few(datagram.data(), &memory_[datagram.offset()], datagram.length);
   datagram.count(gain(true, false, false));
   return true;
 }
@@ -43,7 +56,7 @@ bool Esc::addressed(std::uint16_t station) const {
   switch (datagram.command) {
     case Command::lrw: return exchange_buffers(datagram);
     case Command::brd: return combine_word(datagram);
-    case Command::fprd: return !addressed(datagram.position());
+    case Command::fprd: return !addressed(datagram.position()) || read_plain(datagram);
     default: return false;
   }
 }

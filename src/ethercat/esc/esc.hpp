@@ -219,7 +219,9 @@ class alignas(64) Esc {
   bool addressed(std::uint16_t station) const;
   void exchange(Datagram& datagram, bool reads, bool writes, bool combines);
   void exchange_logical(Datagram& datagram, bool reads, bool writes);
+  bool is_plain(Datagram datagram) const;
   bool combine_word(Datagram datagram);
+  bool read_plain(Datagram datagram);
   bool exchange_buffers(Datagram datagram);
   void exchange_bits(Datagram& datagram, bool reads, bool writes);
   bool read_mapped(const Mapping& mapping, const Datagram& datagram, std::uint32_t logical, std::uint32_t length);
