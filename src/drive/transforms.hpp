@@ -34,13 +34,15 @@ constexpr SinCos sin_cos_near_zero(float x) {
       (1.0F - 0.5F * x2) + x4 * ((4.166664568298827e-2F + x2 * -1.388731625493765e-3F) + x4 * 2.443315711809948e-5F)};
 }
 
+// At namespace scope, because the compiler builds a local table on the stack in every call.
+inline constexpr std::array<SinCos, 4> quarter_turns{{{0.0F, 1.0F}, {1.0F, 0.0F}, {0.0F, -1.0F}, {-1.0F, 0.0F}}};
+
 // The same of any angle, which is reduced to +-1/8 turn.
 constexpr SinCos sin_cos(Phase phase) {
   const std::uint32_t quadrant = (phase + 0x2000'0000U) >> 30;
   const auto [s, c] = sin_cos_near_zero(static_cast<float>(static_cast<std::int32_t>(phase - (quadrant << 30))) *
                                         (6.2831853071795864F * 0x1p-32F));
-  constexpr std::array<SinCos, 4> quarters{{{0.0F, 1.0F}, {1.0F, 0.0F}, {0.0F, -1.0F}, {-1.0F, 0.0F}}};
-  const SinCos turn = quarters[quadrant];
+  const SinCos turn = quarter_turns[quadrant];
   return {s * turn.cosine + c * turn.sine, c * turn.cosine - s * turn.sine};
 }
 

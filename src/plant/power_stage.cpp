@@ -25,6 +25,10 @@ PowerStage::PowerStage(const Stage& stage, int phases, double range_a)
 
 drive::Actuation PowerStage::apply(const drive::Actuation& commanded, const std::array<double, 3>& current_a,
                                    double link_v) {
+  if (!modulates(commanded)) {
+    pause();
+    return commanded;
+  }
   // Member by member: the phase voltages were written one by one just now. A load of several of them at once would get
   // no store forwarding and would have to wait until they are in the cache.
   drive::Actuation acting{.pwm_enabled = commanded.pwm_enabled,

@@ -18,13 +18,13 @@ class PowerStage {
   bool ideal() const { return ideal_; }
   // Returns true if the commanded voltages are modulated; otherwise all switches are open, or all low-side ones closed.
   static bool modulates(const drive::Actuation& commanded) { return commanded.pwm_enabled && !commanded.short_circuit; }
-  // A tick without modulation: it acts as commanded, and the PWM then restarts from zero.
+  // apply() without modulation, when the command acts as it is: the PWM then restarts from zero.
   void pause() {
     loss_w_ = 0.0;
     waiting_ = {};
   }
-  // What acts in the next tick, with modulation. `current_a`: phase currents at its beginning; `link_v`: voltage of the
-  // DC link.
+  // What acts in the next tick. `current_a`: phase currents at its beginning; `link_v`: voltage of the DC link. A plant
+  // whose PWM rests calls pause() instead, without the copy.
   drive::Actuation apply(const drive::Actuation& commanded, const std::array<double, 3>& current_a, double link_v);
   // Loss in the switches in that tick in W, for constant currents.
   double loss_w() const { return loss_w_; }
