@@ -3,10 +3,11 @@
 // master sends in a cycle in free run. The interval is shorter than the minimum cycle time 1C32h:05, so each control
 // loop uses the outputs of the last frame. The count includes the ticks of 62.5 us between the frames. Instructions per
 // slave and frame: see callgrind_sdo.cpp.
-// Usage: callgrind_drives SLAVES N
+// Usage: callgrind_drives SLAVES [--ideal] N
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <string_view>
 
 #include "drive_line.hpp"
 
@@ -14,8 +15,8 @@ int main(int argc, char** argv) {
   using namespace servodrome;
   using namespace std::chrono_literals;
   const std::size_t count = argc > 1 ? static_cast<std::size_t>(std::atol(argv[1])) : 8;
-  const long frames = (argc > 2 ? std::atol(argv[2]) : 1000) / static_cast<long>(count);
-  line::Line line = bench::make_drive_line(count);
+  const long frames = (argc > 2 ? std::atol(argv[argc - 1]) : 1000) / static_cast<long>(count);
+  line::Line line = bench::make_drive_line(count, argc > 3 && std::string_view(argv[2]) == "--ideal");
   links::EthercatBus& bus = line.ethercat_buses().front()->bus;
   master::EthercatMaster master(std::make_unique<links::MemoryEthercatClient>(bus, line));
   const auto found = master::scan_slaves(master);

@@ -13,10 +13,12 @@
 // the bench sends repeatedly without the master.
 namespace servodrome::bench {
 
-inline line::Line make_drive_line(std::size_t slaves) {
+// `ideal`: no noise, offsets or other imperfections of power stages and sensors.
+inline line::Line make_drive_line(std::size_t slaves, bool ideal = false) {
   std::string text = "clock = \"virtual\"\n[[bus]]\nname = \"ecat\"\ntype = \"ethercat\"\n";
   for (std::size_t i = 1; i <= slaves; ++i) {
     text += "[[axis]]\nname = \"a" + std::to_string(i) + "\"\nproduct = \"generic402-ec\"\n";
+    if (ideal) text += "ideal = true\n";
   }
   return line::Line(line::parse_line_file(text, "bench", line::all_products()).settings);
 }
