@@ -9,7 +9,7 @@
 namespace servodrome::links {
 namespace {
 
-struct Open {
+struct OpenCanClient {
   const CanClientOptions& options;
 
   std::unique_ptr<CanClient> operator()(const SocketcandName& name) const {
@@ -25,7 +25,7 @@ struct Open {
 }  // namespace
 
 std::unique_ptr<CanClient> open_can_client(std::string_view link, const CanClientOptions& options) {
-  return std::visit(Open{options}, parse_can_link(link));
+  return std::visit(OpenCanClient{options}, parse_can_link(link));
 }
 
 void MemoryCanClient::send(const canopen::Frame& frame) {

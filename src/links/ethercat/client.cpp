@@ -9,7 +9,7 @@
 namespace servodrome::links {
 namespace {
 
-struct Open {
+struct OpenEthercatClient {
   std::unique_ptr<EthercatClient> operator()(const RawName& name) const { return open_raw_client(name); }
   std::unique_ptr<EthercatClient> operator()(const EthercatUdpName& name) const {
     return std::make_unique<UdpEthercatClient>(name);
@@ -28,7 +28,7 @@ void check_content_size(std::size_t size, const std::string& link) {
 }
 
 std::unique_ptr<EthercatClient> open_ethercat_client(std::string_view link) {
-  return std::visit(Open{}, parse_ethercat_link(link));
+  return std::visit(OpenEthercatClient{}, parse_ethercat_link(link));
 }
 
 }  // namespace servodrome::links

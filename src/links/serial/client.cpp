@@ -68,7 +68,7 @@ FileDescriptor connect_to(const ModbusTcpName& name, std::chrono::milliseconds t
   fail(reason, text, "cannot connect", "is the device or the line up, and does it listen at this address?");
 }
 
-struct Open {
+struct OpenByteClient {
   const modbus::CharacterFormat& format;
   std::chrono::milliseconds connect_timeout;
 
@@ -88,7 +88,7 @@ struct Open {
 
 std::unique_ptr<ByteClient> open_byte_client(const SerialLinkName& name, const modbus::CharacterFormat& format,
                                              std::chrono::milliseconds connect_timeout) {
-  return std::visit(Open{format, connect_timeout}, name);
+  return std::visit(OpenByteClient{format, connect_timeout}, name);
 }
 
 bool MemoryByteClient::receive(std::vector<std::uint8_t>& bytes, Time timeout) {
