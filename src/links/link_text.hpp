@@ -52,4 +52,6 @@ std::string to_string(const Endpoint& endpoint);
 // Returns true if the word is not empty and has no spaces, control characters, angle brackets or slashes.
 bool is_plain_word(std::string_view word);
 
+inline constexpr std::size_t longest_interface_name = 15;  // of Linux: IFNAMSIZ less the terminating zero
+
 }  // namespace servodrome::links

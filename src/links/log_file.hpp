@@ -9,4 +9,6 @@ namespace servodrome::links {
 // system.
 std::FILE* open_log_file(const std::string& path);
 
+inline constexpr std::size_t log_buffer_bytes = 64 * 1024;  // of such a file
+
 }  // namespace servodrome::links

@@ -12,7 +12,7 @@ namespace {
 
 using master::sampling::UseOfPdos;
 
-constexpr std::uint8_t most_tpdos = 8;  // that are looked at
+constexpr std::uint8_t shown_tpdos = 8;  // that are looked at
 constexpr std::int64_t ticks_per_ms = drive::ticks_per_second / 1000;
 constexpr master::Time look_period = std::chrono::milliseconds(5);
 
@@ -34,7 +34,7 @@ struct Tpdo {
 
 std::vector<Tpdo> read_tpdos(master::ObjectClient& objects, const Work::IsToEnd& is_to_end) {
   std::vector<Tpdo> tpdos;
-  for (std::uint8_t number = 0; number < most_tpdos; ++number) {
+  for (std::uint8_t number = 0; number < shown_tpdos; ++number) {
     is_to_end();  // others may use the bus
     const auto pdo = master::read_pdo(objects, true, number);
     if (!pdo) break;

@@ -4,10 +4,8 @@
 
 namespace servodrome::links {
 namespace {
-
 constexpr std::uint16_t default_port = 29536;
 constexpr std::size_t longest_bus_name = 16;
-constexpr std::size_t longest_interface_name = 15;  // IFNAMSIZ less the terminating zero
 
 SocketcandName parse_socketcand(const LinkText& link, std::string_view rest) {
   std::string bus = "can0";
@@ -22,7 +20,7 @@ SocketcandName parse_socketcand(const LinkText& link, std::string_view rest) {
   return {endpoint.host, endpoint.port, bus};
 }
 
-struct ToString {
+struct CanLinkText {
   std::string operator()(const SocketcandName& name) const {
     return scheme::socketcand.with(fmt::format("{}/{}", links::to_string(Endpoint{name.host, name.port}), name.bus));
   }
@@ -50,6 +48,6 @@ CanLinkName parse_can_link(std::string_view text) {
   link.refuse_scheme(can_schemes);
 }
 
-std::string to_string(const CanLinkName& name) { return std::visit(ToString{}, name); }
+std::string to_string(const CanLinkName& name) { return std::visit(CanLinkText{}, name); }
 
 }  // namespace servodrome::links

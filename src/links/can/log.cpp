@@ -12,9 +12,6 @@
 
 namespace servodrome::links {
 namespace {
-
-constexpr std::size_t buffer_bytes = 64 * 1024;
-
 // Bits of a SocketCAN identifier (linux/can.h).
 constexpr std::uint32_t extended_flag = 0x80000000U;
 constexpr std::uint32_t remote_flag = 0x40000000U;
@@ -90,7 +87,7 @@ CanLog::CanLog(const std::string& path, Format format, std::string interface_nam
     throw LinkError(code, fmt::format("cannot create the CAN log \"{}\": {}; {}", path, code.message(),
                                       advice_for(code.value(), "choose a folder that exists and may be written to")));
   }
-  std::setvbuf(file_.get(), nullptr, _IOFBF, buffer_bytes);
+  std::setvbuf(file_.get(), nullptr, _IOFBF, log_buffer_bytes);
   if (format_ == Format::pcap) {
     const std::string header = can_pcap_header();
     write(header.data(), header.size());

@@ -4,9 +4,6 @@
 
 namespace servodrome::links {
 namespace {
-
-constexpr std::size_t longest_interface_name = 15;  // IFNAMSIZ less the terminating zero
-
 std::string interface_name(const LinkText& link, std::string_view text) {
   if (!is_plain_word(text) || text.size() > longest_interface_name) {
     link.refuse("an interface must be a word of 1 to 15 characters", scheme::raw);
@@ -43,7 +40,7 @@ EthercatUdpName parse_udp(const LinkText& link, std::string_view rest) {
   return name;
 }
 
-struct ToString {
+struct EthercatLinkText {
   std::string operator()(const RawName& name) const {
     return scheme::raw.with(fmt::format("{}{}{}{}", name.interface, name.secondary ? "+" : "",
                                         name.secondary.value_or(""), suffix(name.busy)));
@@ -68,6 +65,6 @@ EthercatLinkName parse_ethercat_link(std::string_view text) {
   link.refuse_scheme(ethercat_schemes);
 }
 
-std::string to_string(const EthercatLinkName& name) { return std::visit(ToString{}, name); }
+std::string to_string(const EthercatLinkName& name) { return std::visit(EthercatLinkText{}, name); }
 
 }  // namespace servodrome::links

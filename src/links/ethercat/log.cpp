@@ -11,9 +11,6 @@
 
 namespace servodrome::links {
 namespace {
-
-constexpr std::size_t buffer_bytes = 64 * 1024;
-
 using EthernetHeader = EthercatLog::EthernetHeader;
 constexpr EthernetHeader from_master{0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x10,
                                      0x10, 0x10, 0x10, 0x10, 0x10, 0x88, 0xA4};
@@ -29,7 +26,7 @@ EthercatLog::EthercatLog(const std::string& path, Time epoch)
     throw LinkError(code, fmt::format("cannot create the EtherCAT log \"{}\": {}; {}", path, code.message(),
                                       advice_for(code.value(), "choose a folder that exists and may be written to")));
   }
-  std::setvbuf(file_.get(), nullptr, _IOFBF, buffer_bytes);
+  std::setvbuf(file_.get(), nullptr, _IOFBF, log_buffer_bytes);
   const PcapFileHeader header{.link_type = PcapLink::ethernet};
   write(&header, sizeof header);
 }

@@ -2,8 +2,7 @@
 
 namespace servodrome::links {
 namespace {
-
-struct ToString {
+struct SerialLinkText {
   std::string operator()(const PtyName& name) const { return scheme::pty.with(name.path); }
   std::string operator()(const TtyName& name) const { return scheme::serial.with(name.device); }
   std::string operator()(const ModbusTcpName& name) const { return scheme::tcp.with(links::to_string(name.endpoint)); }
@@ -25,6 +24,6 @@ SerialLinkName parse_serial_link(std::string_view text) {
   link.refuse_scheme(serial_schemes);
 }
 
-std::string to_string(const SerialLinkName& name) { return std::visit(ToString{}, name); }
+std::string to_string(const SerialLinkName& name) { return std::visit(SerialLinkText{}, name); }
 
 }  // namespace servodrome::links

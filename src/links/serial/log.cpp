@@ -10,9 +10,6 @@
 
 namespace servodrome::links {
 namespace {
-
-constexpr std::size_t serial_log_buffer_bytes = 64 * 1024;
-
 // pcapng: https://www.ietf.org/archive/id/draft-ietf-opsawg-pcapng-02.html; little endian.
 constexpr std::uint32_t section_header = 0x0A0D0D0A;
 constexpr std::uint32_t byte_order = 0x1A2B3C4D;
@@ -156,7 +153,7 @@ SerialLog::SerialLog(const std::string& path, Format format, std::string name, S
     throw LinkError(code, fmt::format("cannot create the serial log \"{}\": {}; {}", path, code.message(),
                                       advice_for(code.value(), "choose a folder that exists and may be written to")));
   }
-  std::setvbuf(file_.get(), nullptr, _IOFBF, serial_log_buffer_bytes);
+  std::setvbuf(file_.get(), nullptr, _IOFBF, log_buffer_bytes);
   if (format_ == Format::pcapng) write(SerialPcapng::header());
 }
 
