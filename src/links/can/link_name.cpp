@@ -4,6 +4,7 @@
 
 namespace servodrome::links {
 namespace {
+
 constexpr std::uint16_t default_port = 29536;
 constexpr std::size_t longest_bus_name = 16;
 

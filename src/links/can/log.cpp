@@ -12,6 +12,7 @@
 
 namespace servodrome::links {
 namespace {
+
 // Bits of a SocketCAN identifier (linux/can.h).
 constexpr std::uint32_t extended_flag = 0x80000000U;
 constexpr std::uint32_t remote_flag = 0x40000000U;

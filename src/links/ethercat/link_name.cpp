@@ -4,6 +4,7 @@
 
 namespace servodrome::links {
 namespace {
+
 std::string interface_name(const LinkText& link, std::string_view text) {
   if (!is_plain_word(text) || text.size() > longest_interface_name) {
     link.refuse("an interface must be a word of 1 to 15 characters", scheme::raw);

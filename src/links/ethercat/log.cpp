@@ -11,6 +11,7 @@
 
 namespace servodrome::links {
 namespace {
+
 using EthernetHeader = EthercatLog::EthernetHeader;
 constexpr EthernetHeader from_master{0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x10,
                                      0x10, 0x10, 0x10, 0x10, 0x10, 0x88, 0xA4};

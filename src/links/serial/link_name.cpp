@@ -2,6 +2,7 @@
 
 namespace servodrome::links {
 namespace {
+
 struct SerialLinkText {
   std::string operator()(const PtyName& name) const { return scheme::pty.with(name.path); }
   std::string operator()(const TtyName& name) const { return scheme::serial.with(name.device); }

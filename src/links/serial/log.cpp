@@ -10,6 +10,7 @@
 
 namespace servodrome::links {
 namespace {
+
 // pcapng: https://www.ietf.org/archive/id/draft-ietf-opsawg-pcapng-02.html; little endian.
 constexpr std::uint32_t section_header = 0x0A0D0D0A;
 constexpr std::uint32_t byte_order = 0x1A2B3C4D;
