@@ -102,6 +102,32 @@ test('a value that is none is refused with the reason', async ({ page, open }) =
   await expect(editor.getByRole('button', { name: 'Write' })).toBeEnabled();
 });
 
+test('a selected text stays while the value of the drive changes, until the field is left', async ({ page, open, line }) => {
+  const drive = (value: number) => line.call('PUT', '/axes/reference/objects/6081/0', { value });
+  await drive(1000);
+  await open('/objects/reference?object=6081:00&q=6081');
+  const editor = panel(page, /profile velocity/i);
+  const field = editor.getByLabel('New value');
+  await expect(field).toHaveValue('1000');
+  await field.selectText();
+  await drive(2000);
+  await expect(editor.getByRole('definition').first()).toContainText('2000');
+  await page.keyboard.insertText('30');
+  await expect(field).toHaveValue('30');
+  await field.press('Enter');
+  await expect(editor.getByRole('definition').first()).toContainText('30');
+  await field.selectText();
+  await drive(4000);
+  await expect(editor.getByRole('definition').first()).toContainText('4000');
+  await page.keyboard.insertText('50');
+  await expect(field).toHaveValue('50');
+  await field.press('Enter');
+  await expect(editor.getByRole('definition').first()).toContainText('50');
+  await drive(6000);
+  await field.blur();
+  await expect(field).toHaveValue('6000');
+});
+
 test('the refusal of an object goes with its next success, and with its view', async ({ page, open, watched }) => {
   await withoutTimeouts(page);
   const bad = page.locator('.notice.bad');

@@ -248,6 +248,7 @@ function ObjectList({ entries, product, values, selected, onSelect }: {
 
 function Editor({ axis, entry, values }: { axis: string; entry: ObjectEntry; values: Values }) {
   const [typed, setTyped] = useState<string | null>(null);
+  const [held, setHeld] = useState<string | null>(null); // the text at the focus: a new text would end the user's selection
   const value = values.of(entry);
   const index = Number(entry.index);
   const bits = namedOf(entry.bits);
@@ -278,6 +279,7 @@ function Editor({ axis, entry, values }: { axis: string; entry: ObjectEntry; val
     attempt(async () => {
       await writeObject(axis, index, entry.sub, to);
       setTyped(null);
+      setHeld((before) => (before === null ? null : showValue(to, entry)));
       if (isReadable(entry)) values.note(entry, await readObject(axis, index, entry.sub));
       tell(`${addressOf(entry)} written`);
     });
@@ -308,7 +310,9 @@ function Editor({ axis, entry, values }: { axis: string; entry: ObjectEntry; val
             <span>New value</span>
             <input
               className="input"
-              value={typed ?? showValue(value, entry)}
+              value={typed ?? held ?? showValue(value, entry)}
+              onFocus={() => setHeld(showValue(value, entry))}
+              onBlur={() => setHeld(null)}
               onChange={(event) => setTyped(event.target.value)}
               aria-invalid={problem !== undefined}
               {...(problem ? { 'aria-describedby': problemId } : {})}
