@@ -280,6 +280,39 @@ TEST_F(MotionOfSimulatedDrives, AFaultWhileDisablingDoesNotKeepTheOthersEnabled)
   }
 }
 
+// A deceleration that is too low for the time to stop: the axis must not be switched off while it moves.
+TEST_F(MotionOfSimulatedDrives, AStopThatTakesTooLongEndsInAQuickStop) {
+  bus.drive(1).quick_stop_cycles = 50;
+  group.enable();
+  ASSERT_TRUE(group.axis(1).run_at(1000.0, linear));
+  group.wait(500ms);
+  bus.drive(1).controlwords.clear();
+  MotionLimits slow = linear;
+  slow.deceleration = 100.0;
+  EXPECT_NE(problem_of([&] { group.disable(slow, 1s); }).find("stopped by a quick stop"), std::string::npos);
+  ASSERT_GE(bus.drive(1).controlwords.size(), 2U);
+  EXPECT_EQ(bus.drive(1).controlwords[1], 0x0002);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(bus.drive(i).state, PowerState::switch_on_disabled) << i;
+}
+
+TEST_F(MotionOfSimulatedDrives, ADisableWithBadLimitsChangesNothing) {
+  group.enable();
+  ASSERT_TRUE(group.axis(0).run_at(1000.0, linear));
+  MotionLimits none = linear;
+  none.deceleration = 0.0;
+  EXPECT_NE(problem_of([&] { group.disable(none); }).find("a limit is not above 0"), std::string::npos);
+  EXPECT_TRUE(group.axis(0).is_enabled());
+}
+
+// What the group does not know of a drive is not that it is off.
+TEST(BeginOfAMotionGroup, ADisableNeedsTheStatesOfTheDrives) {
+  SimulatedBus bus{2};
+  bus.drive(1).is_silent = true;
+  MotionGroup group(bus);
+  EXPECT_NE(problem_of([&] { group.disable(linear, 100ms); }).find("its process data were not received"),
+            std::string::npos);
+}
+
 // As after a restart of the program: the group has not run a cycle yet, and so has not read the states of its drives.
 TEST(BeginOfAMotionGroup, AResetFindsFaultsFromBefore) {
   SimulatedBus bus{3};

@@ -36,6 +36,7 @@ const char* name(AxisFault fault) {
     case AxisFault::mode_refused: return "the drive does not accept the mode of operation";
     case AxisFault::homing_failed: return "homing failed";
     case AxisFault::not_following: return "the drive ignores its target position";
+    case AxisFault::quick_stop: return "it was stopped by a quick stop";
   }
   return "unknown fault";
 }
@@ -51,6 +52,7 @@ const char* remedy_of(AxisFault fault) {
     case AxisFault::mode_refused: return "see 6502h for the modes that it has, and that 6060h and 6061h are mapped";
     case AxisFault::homing_failed: return "check switches, method 6098h and speeds 6099h";
     case AxisFault::not_following: return "see whether a limit switch or an input stops it, and move it away";
+    case AxisFault::quick_stop: return "give the stop more time or a higher deceleration, and reset the fault";
   }
   return "";
 }

@@ -16,6 +16,7 @@ enum class AxisFault : std::uint8_t {
   mode_refused,        // the drive does not enter the mode of operation
   homing_failed,       // the statusword reports a homing error, or a halt does not end the homing
   not_following,       // the drive has ignored its target position for following_timeout
+  quick_stop,          // MotionAxis::quick_stop(), because a stop took too long
 };
 const char* name(AxisFault fault);
 // The remedy for the user.
@@ -90,6 +91,8 @@ class MotionAxis {
   bool home();
   // Aborts homing by a halt. If the drive does not come to rest within twice the mode timeout, it gets a quick stop.
   void abort_homing();
+  // Commands a quick stop, with the ramp of the drive (605Ah, 6085h). The axis has the fault quick_stop afterwards.
+  void quick_stop() { fail(AxisFault::quick_stop); }
   void shift_set_point(double distance) { generator_.shift(distance); }
 
   // In counts; 0: no limit.

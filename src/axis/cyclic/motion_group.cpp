@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "axis/cyclic/quick_stop.hpp"
+#include "links/time.hpp"
 #include "master/emergency.hpp"
 
 namespace servodrome::master {
@@ -92,6 +93,9 @@ void MotionGroup::enable(Time timeout) {
 }
 
 void MotionGroup::disable(const MotionLimits& limits, Time timeout) {
+  if (!SetPointGenerator(links::to_seconds(bus_.period())).run_at(0.0, limits)) {
+    throw MasterError("it is not disabled: a limit is not above 0", "motion group", "give limits above 0");
+  }
   for (MotionAxis& axis : axes_) {
     // An axis with a fault has stopped already, or set-points cannot stop it.
     if (axis.fault() != AxisFault::none) axis.switch_on(false);
@@ -105,14 +109,26 @@ void MotionGroup::disable(const MotionLimits& limits, Time timeout) {
   const auto stands = [](const MotionAxis& axis) {
     return !axis.is_enabled() || (!axis.is_homing() && axis.is_done());
   };
-  run_until([&] { return std::all_of(axes_.begin(), axes_.end(), stands); }, timeout, note_fault);
+  if (!run_until([&] { return std::all_of(axes_.begin(), axes_.end(), stands); }, timeout, note_fault)) {
+    for (MotionAxis& axis : axes_) {
+      if (!stands(axis)) axis.quick_stop();
+    }
+    note_fault();
+  }
   for (MotionAxis& axis : axes_) axis.switch_on(false);
-  const auto off = [](MotionAxis& axis) { return axis.axis().state() != PowerState::operation_enabled; };
-  const bool are_off = run_until([&] { return std::all_of(axes_.begin(), axes_.end(), off); }, timeout, note_fault);
+  const auto is_off = [](const MotionAxis& axis) {
+    const PowerState state = axis.axis().state();
+    return axis.has_read_inputs() && state != PowerState::operation_enabled && state != PowerState::quick_stop_active &&
+           state != PowerState::fault_reaction_active;
+  };
+  const bool are_off = run_until([&] { return std::all_of(axes_.begin(), axes_.end(), is_off); }, timeout, note_fault);
   if (first_fault) std::rethrow_exception(first_fault);
   if (are_off) return;
-  MotionAxis& late = *std::find_if_not(axes_.begin(), axes_.end(), off);
-  throw MasterError("it stays in operation enabled", late.axis().where(), "check the bus; switch its power off");
+  MotionAxis& late = *std::find_if_not(axes_.begin(), axes_.end(), is_off);
+  const PowerState state = late.axis().state();
+  throw MasterError(
+      late.has_read_inputs() ? fmt::format("it stays in {}", drive::name(state)) : "its process data were not received",
+      late.axis().where(), "check the bus; switch its power off");
 }
 
 void MotionGroup::reset_faults(Time timeout) {

@@ -41,8 +41,9 @@ class MotionGroup {
 
   // ---- Blocking calls. They throw MasterError if the drives do not reach the state within `timeout`. ----
   void enable(Time timeout = std::chrono::seconds(5));
-  // Stops all axes within `limits`, then brings the drives to switch on disabled. If an axis faults meanwhile, the
-  // others are stopped and disabled all the same; then the call throws the first fault.
+  // Stops all axes within `limits`, then brings the drives to switch on disabled. An axis that does not come to rest
+  // within `timeout` gets a quick stop. If an axis has or gets a fault, or a quick stop, the others are stopped and
+  // disabled all the same; then the call throws the first fault. Limits that are not above 0 throw and change nothing.
   void disable(const MotionLimits& limits, Time timeout = std::chrono::seconds(5));
   // A reset that is not done in time is cancelled.
   void reset_faults(Time timeout = std::chrono::seconds(5));

@@ -27,6 +27,7 @@ const char* text_of(ErrorId error) {
     case ErrorId::reset_failed: return "the fault cannot be reset; remove its cause";
     case ErrorId::not_following:
       return "the drive ignores its target position; see whether a limit switch or an input stops it, and move it away";
+    case ErrorId::quick_stop: return "the axis was stopped by a quick stop; reset it";
   }
   return "unknown error";
 }
@@ -41,6 +42,7 @@ ErrorId error_of(AxisFault fault) {
     case AxisFault::mode_refused: return ErrorId::mode_refused;
     case AxisFault::homing_failed: return ErrorId::homing_failed;
     case AxisFault::not_following: return ErrorId::not_following;
+    case AxisFault::quick_stop: return ErrorId::quick_stop;
   }
   return ErrorId::drive_fault;
 }

@@ -29,6 +29,7 @@ enum class ErrorId : std::uint16_t {
   software_limit_reached = 106,
   reset_failed = 107,
   not_following = 108,
+  quick_stop = 109,
 };
 // Description and remedy.
 const char* text_of(ErrorId error);
