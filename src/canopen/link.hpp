@@ -16,6 +16,8 @@ class Link {
   // Place of a waiting frame in the queue. A sent frame never gets its place back.
   using Place = std::uint64_t;
   static constexpr Place no_place = ~Place{0};
+  // A service whose frame found no room waits so long before it tries again.
+  static constexpr Time retry_time = std::chrono::milliseconds(1);
 
   // `ring` is the ring buffer for waiting frames; its size is a power of two.
   explicit Link(std::span<WaitingFrame> ring) : ring_(ring), mask_(ring.size() - 1) {}

@@ -47,9 +47,11 @@ std::error_code append_to_file(const std::filesystem::path& file, std::string_vi
   const FileDescriptor out(::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, usual_rights));
   struct stat before {};
   if (!out.is_open() || ::fstat(out.get(), &before) != 0) return last_error();
-  std::error_code error = write_all(out.get(), text);
+  // Before the text: a caller that repeats the call after an error must not write it twice.
+  std::error_code error = before.st_size == 0 ? sync_folder_of(file) : std::error_code();
+  if (!error) error = write_all(out.get(), text);
   if (!error && ::fsync(out.get()) != 0) error = last_error();
-  if (!error) return before.st_size == 0 ? sync_folder_of(file) : error;
+  if (!error) return error;
   if (::ftruncate(out.get(), before.st_size) != 0) return last_error();
   return error;
 }

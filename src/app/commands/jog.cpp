@@ -97,7 +97,7 @@ void add_jog(CLI::App& app) {
                       "Acceleration and deceleration (6083h, 6084h); the drive's if not given");
   add_seconds_option(*command, options->seconds, "Duration in seconds; no keys are read")
       ->check(number_within(0.001, 1e6));
-  add_motion_options(*command, *options, "Not used: jogging ends after --seconds or with a key");
+  add_motion_options(*command, *options, "Ignored: jogging ends after --seconds or with a key");
   command->remove_option(command->get_option("--timeout"));
 }
 
@@ -113,7 +113,7 @@ void add_torque(CLI::App& app) {
   command->add_option("--slope", options->slope, "Torque slope (6087h) in % of the rated torque per second")
       ->check(number_within(0.1, 1e6));
   add_seconds_option(*command, options->seconds, "Duration in seconds")->required()->check(number_within(0.001, 1e6));
-  add_motion_options(*command, *options, "Not used: the torque ends after --seconds");
+  add_motion_options(*command, *options, "Ignored: the torque ends after --seconds");
   command->remove_option(command->get_option("--timeout"));
 }
 

@@ -51,9 +51,6 @@ double Axis::blending_velocity(const Command& before, double direction, const Co
     case BufferMode::BlendingNext: velocity = second; break;
     case BufferMode::BlendingHigh: velocity = std::max(first, second); break;
   }
-  // The result is limited to the higher of both velocities; a higher velocity of `next` is reached only after the
-  // target.
-  velocity = std::min(velocity, std::max(first, second));
   if (next.kind == CommandKind::MoveVelocity) {
     const double to = (next.direction == Direction::Negative ? -1.0 : 1.0) * sign_of(scale_);
     return next.direction == Direction::Current || to == direction ? velocity : 0.0;
@@ -64,8 +61,8 @@ double Axis::blending_velocity(const Command& before, double direction, const Co
   return std::min(velocity, velocity_to_slow_within(std::abs(way), end_of_next, limits_of(next)));
 }
 
-// Computed from the last command back to the active one, so that no command passes its target faster than the commands
-// after it can brake.
+// Calculates backwards from the last command to the active one, so that no command passes its target faster than the
+// commands after it can brake.
 double Axis::end_velocity_of_active(double from) {
   double end = 0.0;
   for (std::size_t i = queue_.size(); i-- > 0;) {

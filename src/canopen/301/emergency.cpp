@@ -10,7 +10,6 @@ namespace {
 constexpr std::uint8_t generic_error = 0x01;
 constexpr std::uint8_t communication_error_bit = 0x10;
 constexpr std::uint16_t error_field = 0x1003;
-constexpr Time retry_time = std::chrono::milliseconds(1);  // while the transmit ring is full
 }  // namespace
 
 void Emergency::start() {
@@ -144,7 +143,7 @@ void Emergency::send_waiting() {
       }
       queue_[sent].id = can_id_;
       if (!link_.transmit(queue_[sent])) {
-        link_.wake_at(link_.now() + retry_time);
+        link_.wake_at(link_.now() + Link::retry_time);
         break;
       }
       not_before_ = link_.now() + inhibit_time_;

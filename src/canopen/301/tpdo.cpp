@@ -12,7 +12,6 @@ constexpr std::uint16_t tpdo_mapping = 0x1A00;
 constexpr std::uint8_t acyclic_synchronous = 0;
 constexpr std::uint8_t synchronous_remote = 252;
 constexpr std::uint8_t manufacturer_event_driven = 254;
-constexpr Time tpdo_retry_time = std::chrono::milliseconds(1);  // while the transmit queue is full
 
 // TPDOs that must not be lost, because neither a SYNC nor a remote frame requests them again.
 bool by_event(const Tpdo& pdo) { return pdo.type == acyclic_synchronous || pdo.type >= manufacturer_event_driven; }
@@ -140,7 +139,7 @@ void Tpdos::send(Tpdo& pdo, std::uint64_t data) {
   Frame* frame = link_.newest(pdo.place);
   if (frame == nullptr) {
     pdo.waiting = by_event(pdo);
-    pdo.not_before = now + tpdo_retry_time;
+    pdo.not_before = now + Link::retry_time;
     link_.wake_at(pdo.not_before);
     return;
   }

@@ -183,7 +183,7 @@ void working_counter(Trial& trial, int) {
     trial.expect(seen == wanted, what, fmt::format("working counter {}", wanted), fmt::format("{}", seen));
   };
   look("FPRD of 0130h", ethercat::Command::fprd, station, reg::al_status, 1);
-  look("FPRD of 0130h of a station that is not there", ethercat::Command::fprd, 0x7FFE, reg::al_status, 0);
+  look("FPRD of 0130h of a station address that no slave has", ethercat::Command::fprd, 0x7FFE, reg::al_status, 0);
   look("FPWR of 0130h, which is read-only", ethercat::Command::fpwr, station, reg::al_status, 0);
   look("BRD of 0130h", ethercat::Command::brd, 0, reg::al_status,
        static_cast<unsigned>(trial.subject().ethercat().line.size()));

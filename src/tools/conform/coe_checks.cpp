@@ -125,7 +125,7 @@ void assignment_rules(Trial& trial, int row) {
       coe.write<std::uint16_t>(index, 1, static_cast<std::uint16_t>(row == 0 ? 0x17FE : 0x1BFE));
       coe.write<std::uint8_t>(index, 0, 1);
     });
-    trial.expect(refusal.has_value(), fmt::format("assign a PDO to {:04X}h that there is not", index), "refused",
+    trial.expect(refusal.has_value(), fmt::format("assign to {:04X}h a PDO that does not exist", index), "refused",
                  text_of(refusal));
   } catch (const MasterError&) {
     restore();

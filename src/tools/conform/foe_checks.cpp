@@ -106,7 +106,8 @@ void unknown_operation(Trial& trial, int) {
   give_up(trial);
   const Mail request = mail_of(9, 0);
   const Answer answer = ask(trial, request);
-  trial.expect(answer.is_error(), text_of_mail(request) + " (an operation that there is not)", "an error", answer.text);
+  trial.expect(answer.is_error(), text_of_mail(request) + " (an operation code that does not exist)", "an error",
+               answer.text);
 }
 
 void reads(Trial& trial, int) {

@@ -116,8 +116,8 @@ void writes(Trial& trial, int) {
 }
 
 void unknown_function(Trial& trial, int) {
-  expect_exception(trial, {0x5A, 0, 0, 0, 1}, "a function that there is not", {0x01});
-  expect_exception(trial, {0x41, 0}, "a function that there is not", {0x01});
+  expect_exception(trial, {0x5A, 0, 0, 0, 1}, "a function that does not exist", {0x01});
+  expect_exception(trial, {0x41, 0}, "a function that does not exist", {0x01});
 }
 
 // Functions 04 and 2Bh are optional, like 17h: the drive must answer, or refuse with exception 01.
@@ -136,8 +136,8 @@ void optional_functions(Trial& trial, int) {
 
 void no_address(Trial& trial, int) {
   const std::uint16_t address = absent_register(trial);
-  expect_exception(trial, pdu_of(0x03, address, 1), "a register that there is not", {0x02});
-  expect_exception(trial, pdu_of(0x06, address, 0), "a register that there is not", {0x02});
+  expect_exception(trial, pdu_of(0x03, address, 1), "a register that does not exist", {0x02});
+  expect_exception(trial, pdu_of(0x06, address, 0), "a register that does not exist", {0x02});
 }
 
 void wrong_count(Trial& trial, int) {
@@ -203,7 +203,7 @@ void read_write_counts(Trial& trial, int) {
 void refused_value(Trial& trial, int) {
   const std::uint16_t address = known_register(trial, 0x6060);
   trial.objects().keep({0x6060, 0});
-  expect_exception(trial, pdu_of(0x06, address, 100), "a mode that there is not", {0x03, 0x04});
+  expect_exception(trial, pdu_of(0x06, address, 100), "a mode that does not exist", {0x03, 0x04});
 }
 
 void identification(Trial& trial, int) {
@@ -214,7 +214,7 @@ void identification(Trial& trial, int) {
                 text_of_bytes(answer));
   trial.expect(answer[2] == 0x01 && answer[6] >= 3, text_of_bytes(sent),
                "the three basic objects: vendor, product code, revision", text_of_bytes(answer));
-  expect_exception(trial, {0x2B, 0x0E, 0x07, 0x00}, "an access that there is not", {0x03});
+  expect_exception(trial, {0x2B, 0x0E, 0x07, 0x00}, "an access type that does not exist", {0x03});
 }
 
 void expect_silence(Trial& trial, const Bytes& frame, const char* what) {

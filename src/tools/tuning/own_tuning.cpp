@@ -27,7 +27,8 @@ std::int64_t kvp_of(ObjectClient& objects, const catalogue::TuningDialect& diale
   return objects.read<std::uint16_t>(dialect.gains[0].object.index, dialect.gains[0].object.sub);
 }
 
-// Ends the motion if the axis is too far from where it was: a great inertia makes a slow ramp, and so a long way.
+// Ends the motion if the axis is too far from its start: with a great inertia the ramp is slow, so that the axis moves
+// a long way.
 class TravelLimit {
  public:
   TravelLimit(Axis402& axis, const AxisUnits& units, double revolutions)
@@ -50,8 +51,9 @@ class TravelLimit {
   double revolutions_;
 };
 
-// Moves back and forth until kvp has settled: it is the same after a whole cycle, and least_legs moves have been made.
-void learn_inertia(Axis402& axis, const catalogue::TuningDialect& dialect, const AxisUnits& units,
+// Moves back and forth until kvp has settled (it is the same after a whole cycle, and least_legs moves have been made),
+// at most for options.seconds. Returns true if it has settled.
+bool learn_inertia(Axis402& axis, const catalogue::TuningDialect& dialect, const AxisUnits& units,
                    const OwnTuningOptions& options) {
   ObjectClient& objects = axis.objects();
   const double rps = std::min(most_rps, options.travel_revolutions / (2.0 * leg_s));
@@ -61,16 +63,18 @@ void learn_inertia(Axis402& axis, const catalogue::TuningDialect& dialect, const
   const Time end = objects.now() + links::from_seconds(options.seconds);
   const TravelLimit within_travel(axis, units, options.travel_revolutions);
   std::int64_t kvp = kvp_of(objects, dialect);
-  for (int leg = 0; objects.now() < end; ++leg) {
+  bool has_settled = false;
+  for (int leg = 0; !has_settled && objects.now() < end; ++leg) {
     axis.run_at(leg % 2 == 0 ? speed : -speed, profile, std::chrono::seconds(5), within_travel);
     axis.hold_for(links::from_seconds(leg_s), within_travel);
     if (options.progress)
       options.progress("identifying the inertia", std::min(1.0, static_cast<double>(leg) / least_legs));
     const std::int64_t now = kvp_of(objects, dialect);
-    if (leg >= least_legs && leg % 2 == 1 && now == kvp) break;
+    has_settled = leg >= least_legs && leg % 2 == 1 && now == kvp;
     if (leg % 2 == 1) kvp = now;
   }
   axis.stop();
+  return has_settled;
 }
 
 void find_resonances(Axis402& axis, const OwnTuningOptions& options) {
@@ -152,7 +156,7 @@ OwnTuningResult tune_by_itself(Axis402& axis, const catalogue::TuningDialect& di
   try {
     axis.enable();
     learning.begin();
-    learn_inertia(axis, dialect, units, options);
+    result.inertia_settled = learn_inertia(axis, dialect, units, options);
     learning.end();
     find_resonances(axis, options);
     result.after = read_gains(objects, dialect);
@@ -175,6 +179,9 @@ OwnTuningResult tune_by_itself(Axis402& axis, const catalogue::TuningDialect& di
 std::string note_of(const OwnTuningResult& result) {
   std::string note =
       "the drive chose these gains, and nothing was measured before and after; `tune` without --auto measures the loop";
+  if (!result.inertia_settled) {
+    note += "; the drive was still changing Kvp when the time to learn the inertia was over: repeat the tuning";
+  }
   for (std::size_t i = 0; i < result.after.size(); ++i) {
     const catalogue::GainRole role = result.after[i].gain->role;
     if (role != catalogue::GainRole::velocity_kp && role != catalogue::GainRole::position_kp) continue;

@@ -16,6 +16,7 @@ struct OwnTuningOptions {
 struct OwnTuningResult {
   std::vector<GainValue> before;
   std::vector<GainValue> after;
+  bool inertia_settled = true;  // false: kvp still changed when the maximum time to learn the inertia was over
 };
 
 // iSMK (manual, ch. 6.1 and 6.2.1): the drive learns the inertia (2340h sub 10h bits 0 and 1) while the axis moves
@@ -25,7 +26,8 @@ struct OwnTuningResult {
 OwnTuningResult tune_by_itself(Axis402& axis, const catalogue::TuningDialect& dialect, const AxisUnits& units,
                                const OwnTuningOptions& options);
 
-// Says that nothing was measured, and which gains of the velocity and position loops are lower than before.
+// Says that nothing was measured, whether the inertia may be wrong, and which gains of the velocity and position loops
+// are lower than before.
 std::string note_of(const OwnTuningResult& result);
 
 }  // namespace servodrome::master::tuning

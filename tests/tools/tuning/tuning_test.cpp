@@ -415,8 +415,18 @@ TEST(OwnTuning, ItSaysThatNothingWasMeasured) {
   OwnTuningResult result = tune_by_itself(axis, catalogue::product_of("ismk").tuning, axis.units().value(), {});
   EXPECT_THAT(note_of(result), HasSubstr("nothing was measured before and after"));
   EXPECT_EQ(note_of(result).find("lower"), std::string::npos);
+  EXPECT_EQ(note_of(result).find("still changing"), std::string::npos);
   result.before[0].number = result.after[0].number + 1;
   EXPECT_THAT(note_of(result), HasSubstr("Kvp[0] is lower than before: the velocity loop is slower"));
+}
+
+TEST(OwnTuning, ItSaysThatTheInertiaMayBeWrong) {
+  AxisRig rig({"ismk"});
+  Axis402 axis(rig.objects(), rig.options());
+  const catalogue::TuningDialect& dialect = catalogue::product_of("ismk").tuning;
+  const OwnTuningResult result = tune_by_itself(axis, dialect, axis.units().value(), {.seconds = 1.0});
+  EXPECT_FALSE(result.inertia_settled);
+  EXPECT_THAT(note_of(result), HasSubstr("the time to learn the inertia was over: repeat the tuning"));
 }
 
 }  // namespace
