@@ -18,8 +18,8 @@ struct Access {
 std::string make_token();
 
 // Returns the refusal (401 or 403), or nothing if the request is allowed:
-// - with the right token (Authorization: Bearer TOKEN) everything is allowed;
-// - a Host that is neither an IP address nor localhost is refused;
+// - with the right token (Authorization: Bearer TOKEN) everything is allowed, with a wrong one nothing;
+// - without a token, a Host that is neither an IP address nor localhost is refused;
 // - other clients may read; to write, a client must be on loopback, without Origin or with the studio's own, which is
 //   http://HOST of the request itself.
 std::optional<Response> refuse(const Access& access, const Request& request);

@@ -52,7 +52,8 @@ class Bench {
 // The routes that every server of the API has. `bench` must outlive the requests.
 RouteGroup bench_routes(Bench& bench);
 
-// The routes of libraries above this one that a bench without their capability refuses like its own (409).
+// Returns the routes of `tables`, which belong to libraries above this one, with a handler that refuses each request
+// (409). For a bench that lacks their capability.
 std::vector<Route> refused(std::initializer_list<std::span<const Route>> tables);
 
 }  // namespace servodrome::api

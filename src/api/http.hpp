@@ -23,7 +23,8 @@ struct Request {
   std::string client{};
   bool has_origin = false;
   bool from_loopback = true;
-  // The rate limit delays the request: `begin` carries it out only if its route is urgent, otherwise postpones it.
+  // The request comes before its turn in the rate limit: `begin` carries it out only if its route is urgent, otherwise
+  // postpones it.
   bool only_if_urgent = false;
   // Why the request is no longer valid: its client has closed the connection, or a halt came while it waited for its
   // turn. Empty: it is valid. A request that is no longer valid begins nothing; a halt is carried out nevertheless.

@@ -238,7 +238,8 @@ void HttpConnection::take_turn() {
   serve_at(may_be_urgent() ? std::min(due_, server_->urgent_turns_.next(now)) : due_);
 }
 
-// Only the server's handler finds the route, so each request with this form is offered to it as urgent.
+// Only the server's handler knows whether the route is urgent, so each request of this form is first offered to the
+// handler as urgent.
 bool HttpConnection::may_be_urgent() const {
   const Message& message = parser_->get();
   return (message.method() == http::verb::post || message.method() == http::verb::delete_) &&
@@ -282,8 +283,8 @@ void HttpConnection::serve_if_urgent() {
                             }));
 }
 
-// A client that gives a request up closes its connection. The request may have waited in the socket, for example while
-// this process was stopped.
+// Returns why the present request is no longer valid (Request::obsolete). A client that abandons a request closes its
+// connection; meanwhile the request may have waited in the socket, for example while this process was stopped.
 std::string_view HttpConnection::obsolete() {
   char next = 0;
   error_code code;

@@ -58,9 +58,9 @@ class Turns {
 // HTTP/1.1 on a TCP port, with keep-alive. A request has at most 8 KiB of header and 256 KiB of body. There are at most
 // 64 connections: a new one replaces the one that has been silent longest, but none whose request is being carried out.
 // A connection is closed after a minute of silence. A rate limit delays requests beyond 2000 per second of all clients
-// together. The limit is lower if requests take long, because they are carried out between the ticks of drives. An
-// urgent request (Route::is_urgent) with a short body has turns of its own as well: it does not wait for the turns and
-// the time of other requests, but they wait for it. Everything happens in the thread of `io`.
+// together. The limit is lower if requests take long, because they are carried out between the ticks of drives. Urgent
+// requests (Route::is_urgent) with a short body have a second rate limit of their own: other requests do not delay
+// them, but they count in the common limit and delay other requests. Everything happens in the thread of `io`.
 class HttpServer {
  public:
   // Begins to listen. Throws links::LinkError if that fails.

@@ -23,7 +23,7 @@ struct BusOptions {
   std::string link{default_bus};
   unsigned node_id = 0;  // 0: the only one found
   double timeout_s = 1.0;
-  bool timeout_is_for_motion = false;  // and not for each answer
+  bool timeout_is_for_motion = false;  // `timeout_s` is for a motion, not for an answer
   bool json = false;
   // For drives that are not on a CAN bus
   unsigned bit_rate = 115200;
@@ -60,7 +60,7 @@ void add_node_option(CLI::App& command, BusOptions& options);
 std::string serial_link_help();
 // For commands that also work on other buses: adds --bit-rate, --format and --product, and extends the help of --bus.
 void add_serial_options(CLI::App& command, BusOptions& options);
-// Adds all three, for a command about one drive.
+// Adds the options of add_bus_options(), add_node_option() and add_serial_options(), for a command about one drive.
 void add_drive_options(CLI::App& command, BusOptions& options, const std::string& timeout_help);
 // Adds --no-watch, for commands that move an axis.
 void add_watch_option(CLI::App& command, BusOptions& options);

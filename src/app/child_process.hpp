@@ -9,8 +9,8 @@
 
 namespace servodrome::app {
 
-// A program that this one starts, with the programs that it starts in turn and leaves in its process group. The
-// destructor kills them.
+// A child process, and the programs that it starts itself and leaves in its process group. The destructor kills the
+// whole group.
 class ChildProcess {
  public:
   // `environment` is added to that of this process, and replaces variables of the same name. Standard output and
@@ -22,9 +22,10 @@ class ChildProcess {
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
-  // Returns the exit status when the program has ended, 128 + signal if a signal killed it; nothing while it runs.
+  // Returns the exit status when the child has ended, 128 + signal if a signal killed it; nothing while it runs. When
+  // the child has ended, kills the rest of its process group.
   std::optional<int> poll();
-  // Asks the program to end (SIGTERM), or kills it.
+  // terminate() asks the whole group to end (SIGTERM); kill() kills it.
   void terminate();
   void kill();
 

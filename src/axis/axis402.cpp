@@ -89,7 +89,7 @@ void Axis402::fail(const std::string& happened, const std::string& remedy) {
       to_do += fmt::format(". {}: {} {}", meaning->text, meaning->cause, meaning->remedy);
     }
   }
-  // On some drives a limit switch is a fault.
+  // Some drives report an active limit switch as a fault.
   const PowerState present = state_of(word);
   if (present == PowerState::fault || present == PowerState::fault_reaction_active) {
     const std::uint32_t inputs = objects_.read_if_present<std::uint32_t>(0x60FD).value_or(0);
@@ -125,7 +125,8 @@ void Axis402::write_number(ObjectAddress object, std::int64_t value) {
   objects_.download(object, std::as_bytes(std::span(&value, 1)).first(bytes));
 }
 
-// The word that the drive has; nullopt: it does not tell. The caller has waited for an answer already.
+// Returns the controlword that the drive holds; nullopt if the drive does not report it. Uses a short timeout, because
+// the caller has waited for an answer already.
 std::optional<std::uint16_t> Axis402::kept_controlword() {
   constexpr Time longest = std::chrono::milliseconds(300);
   const LimitedWait limited(objects_, longest);
@@ -136,9 +137,9 @@ std::optional<std::uint16_t> Axis402::kept_controlword() {
   }
 }
 
-// Whether a word that the drive may not have received is sent again, over the word that it has. Another client may have
-// stopped the axis meanwhile, and its word may be the same as the former one of this client. So only words that start
-// no motion are sent again.
+// Returns true if `word`, which the drive may not have received, may be sent again over the word `kept` that the drive
+// holds. Another client may have stopped the axis meanwhile, and its word may equal the former word of this client. So
+// only a word that starts no motion is sent again.
 bool Axis402::is_sent_again(std::uint16_t word, std::uint16_t kept) const {
   if (is_stop(word)) return true;
   if (commands_operation(word)) return (word & control_bit::halt) != 0 && commands_operation(kept);
@@ -149,8 +150,8 @@ bool Axis402::is_stop(std::uint16_t word) const {
   return word == command_word::quick_stop || (word == command_word::disable_voltage && comes_to_rest_);
 }
 
-// A drive that gave no answer may not have received the word. If it answers again, the word is read back. Under a
-// limited wait a stop is sent a second time without that.
+// If the drive does not answer, it may not have received the word. So the word is read back, and sent again if
+// necessary. Under a limited wait there is no time to read: a stop is sent a second time at once.
 void Axis402::write_controlword(std::uint16_t word) {
   const auto send = [&] {
     if (commands_operation(word)) leave_if_cancelled("commanding the drive");
@@ -259,9 +260,10 @@ void Axis402::step_to_operation(bool& is_commanded) {
   }
 }
 
-// If the call fails, the command is taken back: the drive may carry it out later, for example when its brake has
-// opened. Quick stop leaves the states of enabling (transitions 7 and 10), and brakes an axis that another client moves
-// by now. The call does not wait, because other axes may have to be stopped.
+// If enabling fails, a quick stop takes the command back, because the drive could execute it later, for example when
+// its brake has opened. Quick stop leaves the states of enabling (transitions 7 and 10), and brakes an axis that
+// another client has set in motion. The call does not wait for standstill, because the caller may have to stop other
+// axes.
 void Axis402::enable() {
   bool is_commanded = false;
   try {
@@ -279,7 +281,7 @@ void Axis402::enable() {
   }
 }
 
-// A command that is cancelled must end soon, also if the drive never shows that it has obeyed.
+// After a cancellation the command must end soon, even if the drive never shows that it has obeyed.
 Time Axis402::time_to_obey() const {
   constexpr Time when_cancelled = std::chrono::milliseconds(300);
   return options_.cancelled && options_.cancelled() ? std::min(when_cancelled, options_.state_timeout)
@@ -313,7 +315,7 @@ void Axis402::quick_stop() {
   }
   const Restored rest(comes_to_rest_, true);
   halted_ = false;
-  write_controlword(command_word::quick_stop);  // also in quick stop active, which one wrong bit may show
+  write_controlword(command_word::quick_stop);  // even if the state shows quick stop active: a bit of it may be wrong
   wait_for_state({PowerState::quick_stop_active, PowerState::switch_on_disabled}, "quick stop", time_to_obey());
   take_back_targets();
   wait_for_standstill();
@@ -362,8 +364,8 @@ std::optional<AxisUnits> Axis402::units_per_count() {
   return AxisUnits{1.0, 1.0, 1.0};
 }
 
-// A drive whose units are in its dialect (from its manual) may have factors. The position unit before these factors is
-// an increment of the encoder.
+// If the dialect (from the manual) defines the units, the drive may have factors as well. The position unit before
+// these factors is an increment of the encoder.
 std::optional<double> Axis402::counts_per_revolution() {
   const catalogue::Dialect& dialect = product().dialect;
   if (!dialect.units) return ratio(0x608F);

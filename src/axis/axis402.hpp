@@ -48,8 +48,8 @@ struct AxisOptions {
   Time enable_timeout = std::chrono::seconds(5);      // per step of enabling (plus brake_delay()): precharge, brake
   Time reset_timeout = std::chrono::seconds(2);       // for a fault reset, from the edge of the controlword's bit
   Time poll_interval = std::chrono::milliseconds(5);  // between two reads of the statusword
-  // A motion fails after this time without progress: the shaft stands and homing does not end, or the drive shows the
-  // target of a move as reached and the axis is elsewhere and comes no nearer.
+  // A motion fails after this time without progress: the shaft stands and homing does not end; or the drive shows the
+  // target of a move as reached, but the axis is away from the target and does not come nearer.
   Time progress_timeout = std::chrono::seconds(5);
   const catalogue::Product* product = &catalogue::cia402::product;  // what is known about the drive
   // If the halt by stop() lasts longer than this, stop() changes to a quick stop. nullopt: no such limit; the halt may
@@ -122,9 +122,10 @@ struct AxisStatus {
   PowerState state() const { return state_of(statusword); }
 };
 
-// Drives one CiA 402 axis through its objects over any bus, as a commissioning tool does. Every call blocks, with the
-// bus running, until the drive has carried the command out. Otherwise it throws MasterError, which names state,
-// statusword, 603Fh with its cause and remedy, and the latest EMCY. An access that fails throws ObjectError.
+// Commands one CiA 402 axis through its objects over any bus, as a commissioning tool does. Unless its comment says
+// otherwise, a call blocks, and runs the bus meanwhile, until the drive has executed the command. If the drive does not
+// execute it, the call throws MasterError with the state, the statusword, 603Fh with its cause and remedy, and the
+// latest EMCY. If an access fails, the call throws ObjectError.
 class Axis402 {
  public:
   // Callback at each poll of a motion. It may call halt() and resume(), change the velocity, or throw to leave the
@@ -202,13 +203,15 @@ class Axis402 {
 
   // Halts (option code 605Dh) and waits for standstill; aborts homing and drops a move. In profile torque the axis is
   // braked by a velocity of 0 and the mode changes to profile velocity, because a halt would let the axis coast. A halt
-  // longer than AxisOptions::longest_halt becomes a quick stop. A quick stop or halt that another client has commanded
-  // is not interrupted: the call waits for its end.
+  // longer than AxisOptions::longest_halt becomes a quick stop. The call does not interrupt a quick stop or a halt that
+  // another client has commanded: it waits for the end, and commands a quick stop only if the axis does not come to
+  // rest.
   void stop();
   // Commands the halt of stop() and does not wait for standstill.
   void begin_stop();
-  // begin_stop() of several axes, before stop() of each. Those whose drives do not answer soon come last, so that they
-  // do not delay the others by their timeouts. Errors are those of stop().
+  // Calls begin_stop() of several axes; the caller then calls stop() of each. If an access to a drive fails, or gets no
+  // answer within `short_wait`, this axis comes last, so that its timeouts do not delay the others. Ignores errors:
+  // stop() reports them.
   static void begin_stop_of(std::span<Axis402* const> axes);
   // True if at least one stop() changed to a quick stop.
   bool became_quick_stop() const { return became_quick_stop_; }
@@ -298,10 +301,11 @@ class Axis402 {
       throw;
     }
   }
-  // An axis that does not answer within it delays other axes.
+  // Timeout of an access while the stop of other axes waits.
   static constexpr Time short_wait = std::chrono::milliseconds(100);
   static bool is_doubtful(PowerState state);
-  // The state before a stop; not ready to switch on if the statusword contradicts the motion of the shaft.
+  // Returns the power state before a stop. Returns not ready to switch on if the statusword shows switched on although
+  // the shaft moves.
   PowerState state_to_stop();
   void stop_in_doubt();
   // The time in which a quick stop or the disabling must show in the statusword.
@@ -320,7 +324,8 @@ class Axis402 {
   bool wait_for_standstill(std::optional<Time> longest = {});
   std::int64_t rest_distance();    // position units
   std::int64_t rest_increments();  // the same distance in increments of the encoder
-  // Called at each poll of a motion: true if the position has not changed for 0.5 s, nor its increments since then.
+  // Must be called at each poll of a motion. Returns true if neither the position nor the encoder increments (6063h)
+  // have changed for 0.5 s.
   bool stands();
   bool has_crept();  // true if 6063h has changed since the last call that returned true
   // True if the drive reports target reached, and the axis rests near the goal. Throws if it stands elsewhere, or comes
@@ -355,10 +360,10 @@ class Axis402 {
   bool halted_ = false;           // halted by halt()
   bool must_send_again_ = false;  // resume() sends the target of the move again
   bool became_quick_stop_ = false;
-  bool comes_to_rest_ = false;                // true: cancellation is off
+  bool comes_to_rest_ = false;                // true: AxisOptions::cancelled is ignored
   Time ordered_{};                            // time of the last motion command
   std::optional<std::int32_t> place_{};       // position since `stands_since_`, for stands()
-  std::optional<std::int32_t> increments_{};  // 6063h when the axis seemed to stand there
+  std::optional<std::int32_t> increments_{};  // 6063h while the position does not change
   Time stands_since_{};
   Time next_look_{};
   std::optional<std::int64_t> closest_{};  // least distance to the goal while the drive shows it as reached

@@ -305,7 +305,8 @@ void Axis402::leave_if_rests_at_limit(const std::string& doing) {
   if (place_ && std::abs(std::int64_t{position()} - *place_) <= 1) leave_if_at_limit(doing);
 }
 
-// A drive may show the target as reached while the axis still approaches it. An axis that vibrates has arrived, too.
+// A drive may show the target as reached while the axis still approaches it, so the position must be constant for a
+// short time. An axis that vibrates within the tolerance has arrived, too.
 bool Axis402::has_settled(std::int32_t at) {
   constexpr Time between_looks = std::chrono::milliseconds(10);
   constexpr Time vibrating = std::chrono::milliseconds(500);
@@ -335,7 +336,7 @@ bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
       closest_ = distance;
       closest_at_ = objects_.now();
     }
-    const bool may_creep = distance <= *closest_ + 1;  // within a coarse unit; a drift away is no progress
+    const bool may_creep = distance <= *closest_ + 1;  // the position unit may be too coarse to show progress
     const Time progress_at = may_creep ? std::max(closest_at_, crept_at_) : closest_at_;
     if (objects_.now() - progress_at >= options_.progress_timeout) {
       const std::string problem = try_to_stop();
@@ -346,7 +347,7 @@ bool Axis402::has_arrived(std::uint16_t statusword, const std::string& doing) {
   }
   if (!stands()) return false;
   leave_if_at_limit(doing);
-  if (!reached || objects_.now() - stands_since_ < 2 * standing) return false;  // it may creep
+  if (!reached || objects_.now() - stands_since_ < 2 * standing) return false;  // slow motion may follow
   const std::int32_t goal = *goal_;
   const std::string problem = try_to_stop();
   fail(fmt::format("{}: the drive shows the target as reached, but the axis stands at {} instead of {}{}", doing,

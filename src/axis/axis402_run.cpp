@@ -160,7 +160,7 @@ void Axis402::run_torque(std::int16_t torque_permille, const TorqueProfile& prof
   });
 }
 
-// A stop must not fail because the drive does not tell its units.
+// A stop must not fail because the drive does not report its units.
 std::int64_t Axis402::rest_distance() {
   if (!rest_distance_) {
     try {
@@ -224,14 +224,14 @@ bool Axis402::wait_for_standstill(std::optional<Time> longest) {
   }
 }
 
-// Returns false if the axis is not enabled, or if another client has commanded a stop or the disabling: the drive then
-// carries this out, and a controlword of this master would interrupt it, or enable the axis again.
+// Returns false if the axis is not enabled, or if another client has commanded a stop or the disabling. In the second
+// case the drive executes that command, and a controlword of this master would interrupt it or enable the axis again.
 bool Axis402::is_to_operate() {
   if (state() != PowerState::operation_enabled) return false;
   return is_ordered_to_operate(present_controlword());
 }
 
-// A drive without a fault ignores a word that resets faults, and goes on.
+// A word with the bit fault reset counts as well: a drive without a fault ignores it and stays enabled.
 bool Axis402::is_ordered_to_operate(std::uint16_t word) {
   return commands_operation(word) || (word & control_bit::fault_reset) != 0;
 }
@@ -244,8 +244,8 @@ std::uint16_t Axis402::present_controlword() {
   }
 }
 
-// One wrong bit makes operation enabled look like switched on, or like quick stop active. Switched on is only believed
-// if the shaft rests and the state stays.
+// One wrong bit makes operation enabled look like switched on, or like quick stop active. Switched on counts only if
+// the shaft rests and a second read shows the same state.
 PowerState Axis402::state_to_stop() {
   constexpr Time between_looks = std::chrono::milliseconds(30);
   const PowerState present = state();
@@ -277,13 +277,14 @@ void Axis402::stop() {
   }
 }
 
-// A statusword that matches no state counts as not ready to switch on, and one bit that flickers makes operation
-// enabled look like a fault reaction: the axis may be in motion.
+// A statusword that matches no state counts as not ready to switch on. One wrong bit makes operation enabled look like
+// fault reaction active. So in both states the axis may be in motion.
 bool Axis402::is_doubtful(PowerState state) {
   return state == PowerState::not_ready_to_switch_on || state == PowerState::fault_reaction_active;
 }
 
-// A drive that is really in one of these states ignores the command.
+// Sends a quick stop, because the axis may be in motion. A drive that really is in one of the states of is_doubtful()
+// ignores it.
 void Axis402::stop_in_doubt() {
   halted_ = false;
   write_controlword(command_word::quick_stop);
@@ -312,19 +313,20 @@ void Axis402::begin_stop_of(std::span<Axis402* const> axes) {
     try {
       axis->begin_stop();
     } catch (const std::exception&) {
-      // The next axis must not run on. stop() reports the error again.
+      // Ignored, so that the next axis is stopped; stop() reports the error again.
     }
   }
 }
 
-// Another client has commanded a stop or the disabling. If that does not bring the axis to rest, a quick stop does.
+// Waits for the end of a stop or a disabling that another client has commanded. If the axis does not come to rest by
+// it, commands a quick stop.
 void Axis402::complete_stop_of_another() {
   try {
     if (wait_for_standstill(options_.longest_halt)) return;
   } catch (const ObjectError&) {
     throw;
   } catch (const MasterError&) {
-    // The axis does not come to rest.
+    // The axis does not come to rest: the quick stop below follows.
   }
   quick_stop();
 }
@@ -380,7 +382,7 @@ void Axis402::halt() {
   }
   const Restored rest(comes_to_rest_, true);
   if (!is_to_operate()) return complete_stop_of_another();
-  // Another client may have begun the motion: its bits 4 to 6 stay, so that resume() continues it.
+  // Another client may have begun the motion: bits 4 to 6 of its controlword stay, so that resume() continues it.
   constexpr unsigned of_mode = start_homing | change_immediately | relative_move;
   const unsigned kept = present_controlword() & of_mode;
   write_controlword(static_cast<std::uint16_t>(command_word::enable_operation | kept | control_bit::halt));
@@ -392,7 +394,7 @@ void Axis402::halt() {
 void Axis402::resume() {
   if (!halted_) return;
   require_enabled("go on");
-  place_.reset();  // the time of the halt is no time without progress
+  place_.reset();  // the halt does not count as time without progress
   closest_.reset();
   arrived_.reset();
   const bool moves = mode() == static_cast<std::int8_t>(OperationMode::profile_position);

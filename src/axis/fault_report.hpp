@@ -24,9 +24,9 @@ struct FaultReport {
   std::uint16_t statusword = 0;
   std::int8_t mode = 0;                          // 6061h; 0 if the drive does not have it
   std::optional<std::uint8_t> error_register{};  // 1001h
-  std::vector<ReportedFault> active{};           // the cause of the fault state; never empty in fault and fault
-                                                 // reaction active
-  std::vector<ReportedFault> warnings{};         // warnings while statusword bit 7 is set, except in these two states
+  std::vector<ReportedFault> active{};           // alarms, unless they are only warnings; never empty in fault and
+                                                 // fault reaction active
+  std::vector<ReportedFault> warnings{};         // alarms while statusword bit 7 is set, except in these two states
   std::vector<ReportedFault> history{};          // 1003h, the newest first
   std::vector<ReportedFault> log{};              // the product's own log; the newest first
 };

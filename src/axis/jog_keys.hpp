@@ -9,8 +9,8 @@
 namespace servodrome::master {
 
 // Converts the characters of a terminal into the velocity to jog at. A terminal does not report that a key is released;
-// it only repeats a held key. So a direction acts until no key has arrived for `hold`, which must be longer than the
-// keyboard's delay before its first repeat.
+// it only repeats a held key. So a direction acts until no direction key has arrived for `hold`, which must be longer
+// than the keyboard's delay before its first repeat.
 //
 // Right, l or +: forwards. Left, h or -: backwards. Up or k doubles the velocity, down or j halves it, from 1/16 to 16
 // times. Space or any other key stops. q, Escape, Ctrl-C or Ctrl-D ends.

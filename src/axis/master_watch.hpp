@@ -18,9 +18,9 @@ namespace servodrome::master {
 //
 // The heartbeat has one of the node-IDs from 120 to 127, one that is silent, so that several programs on one bus send
 // different heartbeats. To find it, the constructor listens for up to `listening_time`. Limits: two programs that begin
-// in the same moment may choose the same one, although they begin their search at different ones if their drives are
-// different. A node that has such a node-ID and sends no heartbeat is not noticed. The node-ID is then used twice, but
-// no other message of this object contains it.
+// in the same moment may choose the same node-ID; this is rare if their drives differ, because the search begins at a
+// node-ID that depends on the first drive. The search does not notice a node that has such a node-ID but sends no
+// heartbeat. Then two nodes have the same node-ID; only the heartbeats of this object contain it.
 //
 // The destructor restores both objects. Two kinds of drive keep the changed values until their next reset (neither
 // object is stored): a drive that no longer answers, and a drive whose axis still moves, which then stops by itself

@@ -48,8 +48,7 @@ class ObjectCatalogue {
 
   // Accepts `INDEX` or `INDEX:SUB` (hexadecimal, with or without 0x or h) or a name: that of an object with a single
   // value, `OBJECT.SUB-INDEX NAME`, the name of a sub-index that is unique, or the maker's number at the start of a
-  // name ("P01-02"). Case, blanks, underscores and hyphens are ignored. Throws
-  // MasterError.
+  // name ("P01-02"). Ignores case, blanks, underscores and hyphens. Throws MasterError.
   ObjectAddress resolve(std::string_view text) const;
 
   std::string title(ObjectAddress address) const;  // "6099:01 Homing speeds.Speed during search for switch"

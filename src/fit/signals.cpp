@@ -247,7 +247,8 @@ void compare_velocity(Signals& signals) {
       fmt::format("the velocity does not match the position; it was multiplied by {:.5g} to match", factor));
 }
 
-// Converts the values to SI units. Magnitudes that no axis has would overflow in the sums of the fit.
+// Converts the values to SI units. Throws Error for a magnitude that no axis has, because it would overflow in the sums
+// of the fit.
 void scale(Signals& signals, Role role, const Column& column, double factor) {
   constexpr double greatest = 1e20;
   std::vector<double>& values = signals.values[static_cast<std::size_t>(role)];

@@ -72,8 +72,8 @@ class Axis final : public links::Receiver {
   void power_off(Time now);
   void power_on(Time now);
   bool powered() const { return powered_; }
-  // The number of power-ons and NMT resets (reset node, reset communication). What the drive had to do before the last
-  // one is void.
+  // The number of power-ons and NMT resets (reset node, reset communication). After each of them, delayed actions of
+  // the drive from before it are void.
   std::uint32_t starts() const { return starts_; }
 
   // links::Receiver

@@ -49,7 +49,8 @@ Time Line::next_instant(Time latest) const {
   return std::max(instant, now_);
 }
 
-// When an axis or a bus next does something that shows, as far as known now; at most `most_behind` after now().
+// Returns the time at which an axis or a bus next does something that shows, as far as it is known now; at most
+// `most_behind` after now().
 Time Line::next_appearance() const {
   Time next = std::min(next_bus_event(), now_ + most_behind);
   for (const auto& axis : axes_) next = std::min(next, axis->next_appearance(now_));

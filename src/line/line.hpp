@@ -74,8 +74,8 @@ class Line final : public links::VirtualClock {
   // Lazy evaluation of run_until(target), for a frame that passes an EtherCAT segment at `target`. The line runs only
   // if something that shows on a bus may have happened by then. Otherwise it defers the simulation and now() does not
   // advance. The reason: many ticks in a row cost less than single ticks, because each time the drives' memory must be
-  // fetched into the caches again. The line notices all that frames change (EthercatBus::next_event). If anything else
-  // has acted on it since, the caller must call changed() first.
+  // fetched into the caches again. The line notices every change that a frame causes (EthercatBus::next_event). After
+  // any other action on the line, the caller must call changed() first.
   void keep_up(Time target) {
     if (target < quiet_until_ && target < next_segment_event()) return;
     run_until(target);

@@ -68,8 +68,7 @@ class TableReader {
 
   // Returns the node under `key`, or nullptr. Marks the key as known.
   const toml::node* node(std::string_view key);
-  // The same for a table. Reports an error if the node is no table.
-  // `definition` names the description of the table.
+  // The same for a table. Reports an error if the node is no table. `definition` names the description of the table.
   const toml::table* table(std::string_view key, std::string_view definition = {});
   // Returns the tables of an array of tables ([[key]]); empty if the key is not there.
   std::vector<const toml::table*> tables(std::string_view key, std::string_view definition = {});

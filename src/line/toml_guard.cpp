@@ -22,7 +22,8 @@ std::size_t end_of_text(std::string_view text, std::size_t at) {
   for (std::size_t i = at + mark.size(); i < text.size(); ++i) {
     if (text[i] == '\\' && quote == '"') {
       ++i;
-      // The library skips the blanks here. So it misjudges a letter behind them, as it does outside of strings.
+      // The library skips blanks here, and then misinterprets a letter that is not ASCII, as it does outside of
+      // strings.
       const std::size_t next = std::min(text.find_first_not_of(" \t\r\n\v\f", i), text.size());
       if (of_lines && next < text.size() && !is_ascii(text[next])) return next;
     } else if (text.substr(i, mark.size()) == mark) {
@@ -41,7 +42,7 @@ bool begins_name(char c) {
          c == '"' || c == '\'';
 }
 
-// `at` is behind the first bracket of a line.
+// Returns true if the table header has no name. `at` is the offset behind the first bracket of the line.
 bool is_table_without_name(std::string_view text, std::size_t at) {
   if (at < text.size() && text[at] == '[') ++at;
   at = std::min(text.find_first_not_of(" \t", at), text.size());
@@ -53,27 +54,28 @@ std::size_t line_of(std::string_view text, std::size_t at) {
   return static_cast<std::size_t>(std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(at), '\n')) + 1;
 }
 
-// Follows the text from letter to letter outside of strings and comments.
+// Tracks the brackets and the values of the text, letter by letter, outside of strings and comments.
 class Place {
  public:
   bool begins_line() const { return begins_line_; }
   bool is_nested() const { return !brackets_.empty(); }
-  // In a value that is not in quotes. The library reads on there until the value ends, also through quotes.
+  // Returns true within a value that is not in quotes. There the library reads until the value ends, also through
+  // quotes.
   bool is_within_word() const { return is_within_word_; }
-  // False: it closes no bracket, or one of another kind.
+  // Returns false if `c` is a closing bracket, and the innermost open bracket is of another kind or no bracket is open.
   bool may_follow(char c) const {
     if (c != ']' && c != '}') return true;
     return !brackets_.empty() && brackets_.back() == (c == '}');
   }
 
   void pass_string() { begins_line_ = false; }
-  // `c` may follow.
+  // Processes `c`, for which may_follow() must be true.
   void pass(char c) {
     const bool is_blank = c == ' ' || c == '\t' || c == '\r';
     if (c == '\n' || c == ',' || c == ']' || c == '}' || is_blank) is_within_word_ = false;
     const bool is_header = c == '[' && begins_line_ && brackets_.empty();
     if (is_within_word_) {
-      // A bracket has no meaning.
+      // Within a word a bracket has no meaning.
     } else if (c == '[' || c == '{') {
       is_value_ = c == '[' && !is_header;
       brackets_.push_back(c == '{');

@@ -14,8 +14,8 @@ namespace servodrome::line {
 std::optional<toml::table> parse_toml(std::string_view text, const std::string& file,
                                       std::vector<Diagnostic>& diagnostics);
 
-// Reads a text of at most 1 MiB. Returns nothing and adds a diagnostic if that fails. `what` is the kind of
-// file for the messages: "a line file".
+// Reads a text of at most 1 MiB. Returns nothing and adds a diagnostic if that fails. `what` is the kind of file for
+// the messages: "a line file".
 std::optional<std::string> read_text_file(const std::string& path, std::string_view what,
                                           std::vector<Diagnostic>& diagnostics);
 

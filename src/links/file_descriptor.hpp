@@ -43,18 +43,19 @@ class FileDescriptor {
 
 using Deadline = std::chrono::steady_clock::time_point;
 
-// Returns true if there is something to read now. Does not wait, but on a tty until a worker thread of the kernel has
-// delivered its bytes, which takes milliseconds on a busy machine.
+// Returns true if there is something to read now. Does not wait for the peer. Exception: on a tty it waits until a
+// worker thread of the kernel has delivered its bytes, which takes milliseconds on a busy machine.
 bool is_readable(Descriptor descriptor);
-// Wait until the descriptor can be read (written), its peer is gone or the deadline has passed. Return false after the
-// deadline.
+// Both functions wait until the descriptor can be read (or written), its peer is gone or the deadline has passed. They
+// return false after the deadline, and true after an error, which the next read or write reports.
 bool wait_readable(Descriptor descriptor, Deadline deadline);
 bool wait_writable(Descriptor descriptor, Deadline deadline);
 // Writes all bytes to a nonblocking descriptor. Returns false, with errno set, on failure (ETIMEDOUT: the deadline has
 // passed).
 bool write_all(Descriptor descriptor, std::string_view bytes, Deadline deadline);
-// Read from a nonblocking descriptor, or send to a nonblocking socket whose peer may be gone (no SIGPIPE). Return the
-// number of bytes, or -1 with errno set (EAGAIN: not now); 0 from read_some(): the peer has closed its end.
+// read_some() reads from a nonblocking descriptor; send_some() sends to a nonblocking socket whose peer may be gone (no
+// SIGPIPE). Both return the number of bytes, or -1 with errno set (EAGAIN: not now). 0 from read_some(): the peer has
+// closed its end.
 std::ptrdiff_t read_some(Descriptor descriptor, void* into, std::size_t size);
 std::ptrdiff_t send_some(Descriptor socket, const void* bytes, std::size_t size);
 

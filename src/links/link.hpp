@@ -14,7 +14,7 @@ class LineHost {
   virtual ~LineHost() = default;
   // The line's time now, which is the arrival time of a frame that has just been read.
   virtual Time now() = 0;
-  // The same, and lets the line catch up to that time if necessary. For a bus that answers frames when they are read.
+  // The same; also lets the line catch up to that time if necessary. For a bus that answers frames when they are read.
   virtual Time frame_time() { return now(); }
   // Reports to the line's operator that a link was lost or is back.
   virtual void report(const std::string& /*message*/) {}

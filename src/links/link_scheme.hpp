@@ -13,7 +13,7 @@ struct LinkScheme {
   std::string_view form;         // "udp:HOST:PORT"
   std::string_view example;      // "udp:127.0.0.1:34980"
   std::string_view also;         // text after the example: what else a name may contain
-  std::string_view client_form;  // the form in the help of commands, which connect to the link as a client
+  std::string_view client_form;  // the form in the help of commands that connect to the link as a client
 
   // For example "slcan:PATH, for example slcan:/run/servodrome/can0".
   std::string help() const;

@@ -28,17 +28,19 @@ constexpr int client_poll_ms = 10;
 constexpr auto full_port_wait = std::chrono::milliseconds(2);
 
 // The two threads exchange packets over a pair of sockets. They share no lock: if the reading thread lost the processor
-// while it has the lock, the other one would wait for it.
+// while it holds the lock, the other thread would wait for it.
 //
-// An order: how many bytes to read, or `look` for the next program that opens the pty. Each order has one report, one
-// of these, then the bytes that were read; `gone` and `reset` come without an order.
+// A packet to the reading thread is an order: how many bytes to read, or `look` for the next program that opens the
+// pty. A packet back is a report: one of the letters below, then the bytes that were read. The reading thread answers
+// each order with one report, `opened`, `bytes_read` or `lost`. In addition it sends `reset` as soon as it gets the
+// order `look`, and `gone` without an order.
 using Order = std::uint32_t;
 constexpr Order look = 0;
 constexpr char opened = 'o';
 constexpr char bytes_read = 'b';
 constexpr char gone = 'g';   // the program has closed the port; what it has written can still be read
-constexpr char lost = 'l';   // it is gone, and everything is read
-constexpr char reset = 'r';  // nothing is left for the last program
+constexpr char lost = 'l';   // the program has closed the port, and everything is read
+constexpr char reset = 'r';  // the bytes that the last program has not read are discarded
 
 struct SocketPair {
   SocketPair() {
@@ -71,7 +73,7 @@ class Reader {
     thread_.join();
   }
 
-  // True from before it takes bytes from the port until they are in the socket.
+  // True from the moment before the thread takes bytes from the port until they are in the socket.
   bool moves_bytes() const { return moves_bytes_; }
 
  private:
@@ -91,9 +93,9 @@ class Reader {
   Pty* pty_;
   FileDescriptor socket_;
   Order order_ = look;
-  bool is_busy_ = false;      // the order is not carried out yet
-  bool has_program_ = false;  // until it is gone
-  std::string backlog_;       // what a program wrote before it was gone
+  bool is_busy_ = false;      // the order is not executed yet
+  bool has_program_ = false;  // a program has the pty open, or the tty exists
+  std::string backlog_;       // what a program wrote before it closed the port
   std::array<char, SerialStream::most_at_once> bytes_{};
   std::array<char, 1 + SerialStream::most_at_once> packet_{};
   std::atomic<bool> moves_bytes_ = false;
@@ -131,7 +133,7 @@ bool Reader::take_order() {
   if (::recv(socket_.get(), &order_, sizeof order_, 0) != sizeof order_) return false;
   is_busy_ = true;
   if (order_ == look) {
-    pty_->discard_unread();  // the owner may have written before it knew that the program is gone
+    pty_->discard_unread();  // the owner may have written before it got the report `gone`
     report(reset);
   }
   return true;
@@ -156,8 +158,8 @@ void Reader::read_bytes() {
   moves_bytes_ = false;
 }
 
-// The program is gone while the owner does not read. The rest is read now, so that the bytes of the next program are
-// not taken for its own.
+// The program has closed the port while no order to read is pending. Reads the rest now, because otherwise the bytes of
+// the next program would be taken for those of this one.
 void Reader::read_all() {
   moves_bytes_ = true;
   for (;;) {
@@ -183,7 +185,7 @@ void Reader::end_session() {
 
 class TtyStream final : public SerialStream {
  public:
-  // One of `tty` and `pty`.
+  // Exactly one of `tty` and `pty` is given.
   TtyStream(FileDescriptor tty, std::unique_ptr<Pty> pty, boost::asio::io_context& io, Owner& owner,
             SocketPair sockets = {})
       : pty_(std::move(pty)),
@@ -233,7 +235,7 @@ class TtyStream final : public SerialStream {
   std::array<char, 1 + most_at_once> report_{};
   std::string unwritten_;
   bool is_open_;
-  bool is_gone_ = false;  // the program; it is open until everything is read
+  bool is_gone_ = false;  // the program has closed the port; the stream is open until everything is read
   bool had_program_ = false;
   bool is_reading_ = false;
   bool is_flush_due_ = false;
@@ -243,7 +245,7 @@ bool TtyStream::settled() {
   if (!is_open_) return !pty_ || !pty_->has_client();
   if (!is_reading_) return true;
   if (is_gone_) return false;  // on_bytes() or on_close() follows
-  // In the order in which bytes move on.
+  // Checks the places in the order in which bytes pass through them, so that no byte is missed.
   return !is_readable(descriptor_) && !reader_.moves_bytes() && !is_readable(socket_.native_handle());
 }
 
@@ -277,7 +279,7 @@ void TtyStream::handle_report(std::size_t size) {
       if (!pty_) return owner_.on_close();
       give(look);
       return;
-    default:  // only now, when no byte for the last program can reach the next one; also before the first program
+    default:  // `reset`: no byte for the last program can reach the next one; also sent before the first program
       if (std::exchange(had_program_, false)) owner_.on_close();
   }
 }

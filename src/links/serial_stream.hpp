@@ -11,8 +11,8 @@
 namespace servodrome::links {
 
 // The bytes of a serial port, or of a pty that programs open one after the other. The functions and the callbacks run
-// in the thread of the io_context and never block. On Linux another thread reads: poll() and read() of a tty wait until
-// a worker of the kernel has moved its bytes, on a busy machine for milliseconds.
+// in the thread of the io_context and never block. On Linux a second thread reads, because poll() and read() of a tty
+// wait until a worker of the kernel has moved its bytes, on a busy machine for milliseconds.
 class SerialStream {
  public:
   class Owner {
@@ -21,12 +21,12 @@ class SerialStream {
     virtual void on_open() = 0;
     // The answer to read(): at least one byte, at most as many as it asked for.
     virtual void on_bytes(std::string_view bytes) = 0;
-    // The bytes of earlier calls of write() are with the system.
+    // The system has accepted all bytes of earlier calls of write().
     virtual void on_written() {}
-    // The other end is closed and everything that the program has written is read, or the port is lost: a pending
-    // read() has no answer. Bytes that the program has not read are discarded. A program that opens a pty before the
-    // stream has noticed that the last one has closed it, some milliseconds on a busy machine, continues its session;
-    // the kernel shows no difference.
+    // The port is lost; or the program has closed the other end, and everything that it has written is read. A pending
+    // read() gets no answer. Bytes that the program has not read are discarded. The stream notices the closing some
+    // milliseconds late on a busy machine. If another program opens the pty before that, it continues the session of
+    // the former program: the kernel reports no difference.
     virtual void on_close() = 0;
 
    protected:

@@ -8,15 +8,17 @@
 
 namespace servodrome::master {
 
-// A late answer to an earlier request for an object looks like the answer to the next one. A drive answers in order, so
-// no earlier answer comes after its answer for another object: a client reads such an object first. Two objects take
-// turns, since the answer for one of them may be late, too.
+// Prevents that a late answer is taken for the answer to the next request. A late answer to a read of an object looks
+// like the answer to a second read of the same object. But a drive answers in order: once it has answered the read of
+// another object, no earlier answer can follow. So after a missing answer, a client first reads another, constant
+// object. Two such objects are used in turn, because the answer for one of them may be late, too.
 class LateAnswer {
  public:
   // A request got no answer in time.
   void expect(links::Time now) { until_ = now + longest; }
   bool is_expected(links::Time now) const { return now < until_; }
-  // An answer has come for an object that was read for this purpose, or for the last request.
+  // No late answer can follow any more: the drive has answered the read of next_object(), or another request after the
+  // missing answer.
   void rule_out() { until_ = {}; }
   // The object to read: the device type or the vendor-ID.
   ObjectAddress next_object() {

@@ -452,7 +452,7 @@ void Director::finish() {
   }
   for (ExpectationWatch& expectation : expectations_) expectation.finish(now(), facts_);
   for (const auto& segment : segments_) segment->let_go();
-  // A message that stayed in a mailbox would block it for ever.
+  // Executes all queued actions now: a message that stayed in a mailbox would block it for ever.
   while (!queue_.empty()) queue_.extract(queue_.begin()).mapped()();
 }
 

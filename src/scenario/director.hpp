@@ -148,17 +148,19 @@ class Director final : public line::Follower {
   // Repeats an act of the rule at `when`, unless the rule has begun again until then.
   void repeat(const RuleRun& rule, Time when, void (Director::*deed)(RuleRun&));
 
-  // Executes the delayed writes that are due. Since the drive has acknowledged them, they do not get lost when the rule
-  // ends.
+  // Executes the delayed writes whose time is at most `due`. The end of a rule does not discard such writes, because
+  // the drive has acknowledged them.
   void release(RuleRun& rule, Time due);
   void measure_travel();
   void look(RuleRun& rule, Time now);
   void begin(RuleRun& rule, Time now);
-  // Tells the conditions of a message, or of the datagrams of a frame: a condition counts the frame once.
+  // Reports a message, or the datagrams of a frame, to the conditions that may count it. A condition counts a frame
+  // once.
   void notice(line::Axis* axis, std::span<const Message> parts);
   void notice(line::Axis* axis, const Message& message) { notice(axis, std::span(&message, 1)); }
-  // A message of `axis`, or of its bus if `axis` is nullptr, is one of the axis or bus in question: of `wanted`, or of
-  // `bus` if `wanted` is nullptr. Without both, every message is.
+  // Returns true if the message belongs to the axis `wanted`, or, if `wanted` is nullptr, to the bus `bus`; always if
+  // neither is given. `axis` is the axis of the message; nullptr: the message belongs to a bus as a whole. Such a
+  // message belongs to each axis of the segment.
   bool is_of(const line::Axis* wanted, std::string_view bus, const line::Axis* axis, const Message& message) const;
   bool concerns(const RuleRun& rule, line::Axis* axis, const Message& message) const;
   bool is_on(const line::Axis& axis, std::string_view bus) const;

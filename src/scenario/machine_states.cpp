@@ -102,8 +102,8 @@ MachineState watchdog_of(line::Axis& axis) {
               }};
 }
 
-// The state of a clock, which only rules change. All rules on it use the state of the first one, which so knows the
-// present value.
+// The state of a clock. Only rules change it, so the state stores the present value itself. All rules on a clock share
+// the state of the first one.
 MachineState clock_state(std::string name, std::int64_t usual, std::int64_t held,
                          std::function<void(std::int64_t)> set) {
   const auto present = std::make_shared<std::int64_t>(usual);

@@ -14,10 +14,10 @@ struct Reduction {
 
 // All functions throw std::runtime_error if the text is not valid TOML. Their results have no comments.
 
-// The same scenario, in which each rule states its name: a rule without one has a name by its place.
+// The same scenario, in which each rule has an explicit name; a rule without a name gets one from its position.
 std::string with_names(const std::string& text);
 
-// The same scenario with this line file; with this seed, unless it states one.
+// The same scenario with this line file; and with this seed, unless the file states a seed.
 std::string with_line(const std::string& text, const std::string& line);
 std::string with_seed(const std::string& text, std::uint64_t seed);
 

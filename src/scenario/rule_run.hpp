@@ -54,7 +54,7 @@ struct RuleRun {
     const std::optional<unsigned> most = rule->most_acts();
     return most && acts >= *most;
   }
-  // The time by which Delay makes the message late.
+  // The delay of the message, including the random part.
   Time lateness(const Delay& delay, std::uint64_t seed) const;
 
   const Rule* rule;

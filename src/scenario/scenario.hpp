@@ -144,7 +144,7 @@ struct Extend {
   Time gap{};           // pause between the data and the message
 };
 struct Abort {
-  std::uint32_t code = 0;  // of the SDO abort that takes the message's place
+  std::uint32_t code = 0;  // of the SDO abort, or serial refusal, in place of the message
 };
 // On frames of an EtherCAT segment.
 struct WithholdAnswer {};
@@ -201,7 +201,7 @@ struct Hold {
 
 // ---- Actions on a drive
 
-// A request to the bench API for the axis, and the request that undoes it; empty: it is not undone.
+// A request to the bench API for the axis. The end of the rule does not undo it.
 struct Request {
   std::string method;  // "PUT", "POST", "DELETE"
   std::string path;    // behind /api/v1/axes/NAME

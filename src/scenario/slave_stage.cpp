@@ -33,7 +33,7 @@ void SlaveStage::release_later(Time late) {
   });
 }
 
-// The copies of a repetition come one after the other when the master reads them, so their times do not matter.
+// The delays of the copies of a repetition are ignored: the master reads the copies one after the other.
 ethercat::SlaveInterposer::Dispatch SlaveStage::sends(Mail& mail) {
   const Message message = messages_.outgoing(mail.mailbox.first(mail.length));
   Packets packets(message, director_.seed());

@@ -11,8 +11,9 @@
 namespace servodrome::scenario {
 namespace {
 
-// The signal by which a program crashes, if the exit status (128 + signal, as that of a shell) tells of one; nullptr:
-// it does not. A master may end itself with the signals that ask a program to end, such as SIGTERM.
+// Returns the signal that has killed a crashed program, from its exit status (128 + signal, as in a shell); nullptr:
+// the status is that of no crash. The signals that ask a program to end, such as SIGTERM, are no crash: a master may
+// end itself with them.
 const char* crash_of(int exit_status) {
   constexpr std::array<std::pair<int, const char*>, 7> crashes{
       {{4, "SIGILL"}, {5, "SIGTRAP"}, {6, "SIGABRT"}, {7, "SIGBUS"}, {8, "SIGFPE"}, {9, "SIGKILL"}, {11, "SIGSEGV"}}};

@@ -82,7 +82,7 @@ bool Watch::shaft_fits() const {
   return !c.torque_above || std::abs(plant.torque_nm()) > *c.torque_above * plant.parameters().motor.rated_torque_nm;
 }
 
-// A drive without power is in no state and shows no object.
+// Returns false for a drive without power: it has no state, and its objects cannot be read.
 bool Watch::drive_fits() const {
   const Condition& c = *condition_;
   if (!c.state && !c.mode && !c.homing_leg && !c.object) return true;

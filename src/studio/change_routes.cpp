@@ -85,7 +85,8 @@ void add_to(Json& answer, const UndoReport& report, const std::string& axis) {
   }
 }
 
-// With the changes of several axes selected, a drive that cannot be accessed stays as it is, and the others are undone.
+// Undoes the changes of one axis. If the changes of several axes are selected (`is_one_of_several`), a drive that
+// cannot be accessed is reported as unchanged, so that the others are still undone; otherwise throws.
 UndoReport undo_axis(ChangeRoutes& routes, std::uint32_t axis, const Call& call, bool is_one_of_several,
                      const UndoOrder& order) {
   const api::ChangeLog& log = routes.log();

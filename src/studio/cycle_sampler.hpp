@@ -27,7 +27,7 @@ class CycleSampler {
   std::optional<std::int64_t> period_of(std::size_t drive, master::ObjectAddress object) const;
   // All of them get the values of the same cycles, from the next one on.
   void add(std::span<const std::shared_ptr<BusSamples>> samples);
-  // Cycles so far that have brought the inputs of a drive.
+  // Number of cycles so far that have brought the inputs of the first drive of the bus.
   std::uint64_t count() const { return count_; }
   // No cycle brings values while the result lives, so that the rows of all samples end with the same cycle.
   std::unique_lock<std::mutex> between_cycles() const { return std::unique_lock(mutex_); }

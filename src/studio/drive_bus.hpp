@@ -33,7 +33,8 @@ class OpenBus {
   virtual std::vector<master::ObjectClient*> drives() = 0;
   // Call it when a drive answers again after a silence, maybe after a reset. Throws MasterError.
   virtual void back(std::size_t drive) = 0;
-  // The drive has restarted since the opening or back(), maybe without a silence that anyone noticed: call back().
+  // Returns true if the drive has restarted since the opening or back(), even if no access failed meanwhile. The caller
+  // must then call back().
   virtual bool has_restarted(std::size_t) const { return false; }
   // Restores the objects of the drive that this bus has changed for its own use, such as the supervision of this
   // program's heartbeat, so that the drive does not store them; back() sets them again.

@@ -71,8 +71,8 @@ class Drives {
   virtual master::AxisLimits limits(const std::string& axis) = 0;
   // Where the axis can move to, as far as it is known. Throws MasterError if the access fails.
   virtual Travel travel(const std::string& axis) = 0;
-  // How often clients of the API have commanded the axis otherwise than by jobs: by the controlword, the power, or a
-  // stop of all axes.
+  // The number of commands to the axis that came otherwise than by jobs: from clients of the API (by the controlword,
+  // the power, or a stop of all axes), and for real drives on CAN also from other masters (by the controlword).
   virtual std::uint64_t commands(const std::string& axis) const = 0;
   // A client operates the axis: it may now be enabled or in motion. For drives on buses only.
   virtual void note_motion(const std::string&) {}

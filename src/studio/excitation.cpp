@@ -29,8 +29,8 @@ bool has_mode(master::Axis402& axis, OperationMode mode) {
 // Sets a steep ramp and restores the old value at its end.
 class SteepRamp {
  public:
-  // Sets `wanted` or, if the drive refuses it, the steepest ramp that it accepts; never less than the old value. A ramp
-  // of 0 stays: a drive that accepts it uses its limit instead.
+  // Sets `wanted`. If the drive refuses it, tries its half, its quarter and so on, but nothing below the old value.
+  // Does not change a ramp of 0: a drive that accepts 0 uses its limit instead.
   SteepRamp(master::ObjectClient& objects, std::uint16_t index, double wanted) : objects_(objects), index_(index) {
     before_ = objects_.read_if_present<std::uint32_t>(index);
     if (!before_ || *before_ == 0) return;
@@ -50,7 +50,7 @@ class SteepRamp {
     } catch (const master::MasterError&) {
       // The original error is reported instead.
     } catch (...) {
-      // Ignore that the task is ending.
+      // The task is ending: the exception is ignored.
     }
   }
   SteepRamp(const SteepRamp&) = delete;
@@ -76,7 +76,8 @@ void come_to_rest(master::Axis402& axis, const Excitation& excitation) {
   axis.stop();
 }
 
-// Writes one target. Uses the cyclic synchronous mode, which has no trajectory generator, if the drive has it.
+// Writes one target. A velocity uses cyclic synchronous velocity, which has no trajectory generator, if the drive has
+// this mode, otherwise profile velocity. A torque uses profile torque, a position cyclic synchronous position.
 class Target {
  public:
   Target(master::Axis402& axis, const Excitation& excitation)

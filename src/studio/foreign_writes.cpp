@@ -80,7 +80,7 @@ bool ForeignWrites::is_own(Channel& channel, const canopen::Frame& response) {
   return fits;
 }
 
-// Does not follow segmented and block transfers: a value that no initiate message carries is unknown afterwards.
+// Takes values from expedited transfers only. After a segmented or block transfer the value is unknown.
 void ForeignWrites::hear_own_answer(Channel& channel, const canopen::Frame& response) {
   const auto object = object_of(response, false);
   if (!object) return;

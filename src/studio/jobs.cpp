@@ -166,7 +166,8 @@ void Jobs::tell(const Job& job) const {
 void Jobs::carry_out(Job& job) {
   const api::Author author(fmt::format("job {} ({})", job.id, job.order.what));
   const auto wait = [this, &job](master::Time until) {
-    // A job that is to end halts the axis at once: it waits for one tick at most until it has noticed.
+    // A cancelled job must halt the axis at once: until its task has noticed the cancellation, it waits for one tick at
+    // most.
     const auto hurries = [&job] { return job.cancelled && !job.has_noticed; };
     job.due = hurries() ? std::min(until, drives_.now() + line::tick_length) : until;
     do {
@@ -175,7 +176,7 @@ void Jobs::carry_out(Job& job) {
   };
   const std::unique_ptr<master::ObjectClient> objects = drives_.open(job.axis, wait);
   master::AxisOptions options = drives_.options(job.axis);
-  // A stop is carried out to its end, whatever comes after it: it has ended the motion's job already.
+  // A stop always runs to its end, whatever command follows, because it has already ended the job of the motion.
   const bool is_stop = job.order.takes_over;
   const auto is_to_end = [this, &job, is_stop] {
     const bool other_command = drives_.commands(job.axis) != job.commands;
@@ -185,7 +186,7 @@ void Jobs::carry_out(Job& job) {
   options.longest_halt = longest_halt;
   master::Axis402 master_axis(*objects, options);
   const auto fail = [this, &job, &master_axis](JobError error) {
-    // An earlier command may have begun a motion that still goes on. The last command does not ask for it.
+    // The motion of an earlier command may still go on, and this job, the last command, does not ask for it.
     if (job.order.moves) master_axis.try_to_stop();
     job.error = std::move(error);
     job.state = JobState::failed;
@@ -194,7 +195,7 @@ void Jobs::carry_out(Job& job) {
   const master::Time began = drives_.now();
   try {
     if (is_to_end()) {
-      if (job.order.moves) master_axis.try_to_stop();  // an earlier command's motion
+      if (job.order.moves) master_axis.try_to_stop();  // ends the motion of an earlier command
       throw master::Cancelled("the job was ended before it began", job.axis, "start it anew");
     }
     Conduct conduct;
@@ -228,7 +229,7 @@ void Jobs::carry_out(Job& job) {
   }
 }
 
-// A fault that the bench injects holds: nothing that a master does resets it.
+// Explains a failed fault reset: a fault that the bench injects stays until the bench removes it.
 void Jobs::explain_by_injection(Job& job) const {
   const std::vector<std::string> injected = drives_.injected(job.axis);
   if (injected.empty()) return;
@@ -237,7 +238,7 @@ void Jobs::explain_by_injection(Job& job) const {
   job.error->hint = fmt::format("remove it: DELETE /api/v1/axes/{}/faults", job.axis);
 }
 
-// A later sign of life does not continue the motion.
+// Ends the job if its keepalive (signs of life) has timed out. A later sign of life does not continue the motion.
 void Jobs::note_silence(Job& job) {
   if (!job.order.lives_on_signs || job.fell_silent || wall_clock_() - job.sign_of_life <= longest_silence) return;
   job.fell_silent = true;
@@ -280,8 +281,9 @@ void Jobs::cancel(Job& job) {
   for (Job& next : jobs_) {
     if (next.id > job.id && next.axis == job.axis && next.order.after && next.order.after->job == job.id) cancel(next);
   }
-  // The client's request may arrive when the job is just over, or after the stop of a sequence has begun: the sequence
-  // ends nevertheless. `cancelled` is not used for this, because a stop would poll its drive in shorter waits.
+  // The request may arrive when the job has just ended, or after the stop of a sequence has begun: the sequence must
+  // end in these cases, too. `cancelled` is not set for this, because it would make a stop poll its drive with shorter
+  // waits.
   job.breaks_sequence = true;
   if (job.state != JobState::running || job.cancelled || job.order.takes_over) return;
   job.cancelled = true;

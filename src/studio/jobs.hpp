@@ -48,7 +48,7 @@ struct Job {
   std::optional<Progress> progress{};
 
   master::Time due{};        // time at which it continues
-  bool has_noticed = false;  // its task knows that it must end
+  bool has_noticed = false;  // its task has noticed that it must end
   std::unique_ptr<Task> task{};
 };
 

@@ -104,7 +104,7 @@ std::vector<std::optional<JobError>> LineDrives::stop_all() {
     const auto controlword = static_cast<std::uint16_t>(axis->device().dictionary().number(0x6040));
     const bool commanded = master::commands_operation(controlword);
     const drive::PowerState state = axis->device().drive().state();
-    // It waits for its DC link or its brake before it is enabled.
+    // The drive is told to enable, and waits for its DC link or its brake.
     const bool waits =
         commanded && (state == drive::PowerState::ready_to_switch_on || state == drive::PowerState::switched_on);
     ServiceObjects objects(line_, *axis);
@@ -120,7 +120,7 @@ std::vector<std::optional<JobError>> LineDrives::stop_all() {
     try {
       objects.write<std::uint16_t>(0x6040, 0, master::command_word::quick_stop);
       if (enabled()) wrong = JobError{"the drive did not execute the quick stop", name, "switch its power off"};
-      master::Axis402(objects, options_for(*axis)).take_back_targets();  // or another master's enabling starts them
+      master::Axis402(objects, options_for(*axis)).take_back_targets();  // they would act at the next enabling
     } catch (const master::MasterError& error) {
       wrong = JobError{error.happened(), error.where(), error.remedy()};
     }

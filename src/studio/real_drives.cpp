@@ -250,7 +250,7 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
   const Wait wait = wait_;  // copied: while this task waits, other tasks set their own
   std::vector<std::shared_ptr<Access>> accesses;
   std::vector<bool> stopped;
-  std::vector<std::size_t> silent;  // after all others on their bus, because each costs its timeout
+  std::vector<std::size_t> silent;  // submitted last, because each costs its timeout
   for (const Axis& axis : axes_) {
     note_command(axis);
     operated_[index_of(axis)].since_stop = false;
@@ -259,7 +259,7 @@ std::vector<std::optional<JobError>> RealDrives::stop_all() {
     const bool is_silent = state_of(axis).problem.has_value();
     stopped.push_back(!is_idle(axis));
     if (!stopped.back()) {
-      access->done = true;  // a quick stop would only change its state
+      access->done = true;  // the axis has no torque, and a quick stop would only change its power state
       buses_[axis.bus]->cancel_motion(axis.drive);
     } else if (is_silent) {
       silent.push_back(index_of(axis));

@@ -55,7 +55,7 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
     std::vector<std::uint8_t> bytes;
   };
   std::vector<ProcessDataRegisters> process_data_of(std::size_t bus);
-  // A client of the API commands the axis otherwise than by a job.
+  // Notes that a client of the API, or another master, commands the axis otherwise than by a job.
   void note_command(const Axis& axis) { ++commands_[index_of(axis)]; }
   // True if a client of the API has operated the axis: by a job, or by writing an object of a motion. Jobs are
   // forgotten, this is not.
@@ -75,11 +75,12 @@ class RealDrives final : public Drives, public api::Source, public Subjects {
   std::unique_ptr<master::ObjectClient> open(const Axis& axis) { return open(axis.name, wait_); }
   api::Json view(const Axis& axis) const;
 
-  // What this program wrote to the drives.
+  // What this program, and by SDO other masters of a CAN bus, have written to the drives.
   api::ChangeLog& changes() const { return changes_->log(); }
 
-  // Fetches the values of ticks before `end` that the threads of the buses have sampled, as many as their readers can
-  // take at once. Returns the tick that it has reached: call it again after the readers if that is less than `end`.
+  // Fetches the values of ticks before `end` that the threads of the buses have sampled, but not more than their
+  // readers can take at once. Returns the tick up to which it has fetched them. If that is less than `end`, call it
+  // again after the readers have taken the values.
   std::int64_t take_samples(std::int64_t end);
   // The events of the stream since the last call.
   std::vector<api::Json> events();

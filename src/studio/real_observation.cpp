@@ -157,7 +157,7 @@ std::vector<Json> RealDrives::views() {
   return views;
 }
 
-// What other masters have written. Their controlwords are commands, too.
+// Notes the writes of other masters. A controlword of theirs counts as a command, too.
 void RealDrives::note_foreign_writes() {
   std::size_t first = 0;  // axis of the bus's first drive
   for (const auto& bus : buses_) {

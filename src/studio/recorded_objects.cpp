@@ -15,7 +15,7 @@ void RecordedObjects::download(master::ObjectAddress object, std::span<const std
   } catch (const master::ObjectError& error) {
     if (!error.answered()) throw;  // the write would time out, too
   } catch (const Task::Ended&) {
-    if (!cleans_up) throw;  // a caller that is being ended restores the value without waiting
+    if (!cleans_up) throw;  // a task that is being ended restores a value: it writes without the read
   }
   target().download(object, data);
   record_(object, before, {data.begin(), data.end()});

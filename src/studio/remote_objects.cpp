@@ -40,7 +40,8 @@ std::vector<std::byte> RemoteObjects::access(master::ObjectAddress object, bool 
   try {
     while (!access->done) wait_(now_() + answer_poll_period);
   } catch (const Task::Ended&) {
-    // A caller that is being ended restores what it has changed. The bus carries out these writes without it.
+    // A task that is being ended restores what it has changed. It does not wait for these writes; the bus carries them
+    // out later.
     if (!writes || !cleans_up) throw;
     wanted.keep();
     return {};

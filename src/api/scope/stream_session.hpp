@@ -23,7 +23,7 @@ class StreamSession {
   static constexpr unsigned most_messages = 200;                  // of a client, per second
   static constexpr std::size_t most_queued = 4 * 1024 * 1024;     // limit of bytes that wait for a client
   static constexpr auto longest_full = std::chrono::seconds(10);  // at that limit, before the session ends
-  static constexpr auto patience = std::chrono::seconds(1);       // with a client that reads nothing, in is_waited_for
+  static constexpr auto patience = std::chrono::seconds(1);       // for a client that reads nothing (is_waited_for)
   static constexpr double most_watches = 50;                      // views per second
 
   // Sends the greeting. Both arguments must outlive the session.

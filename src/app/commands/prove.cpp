@@ -33,9 +33,9 @@ constexpr double usual_units_per_revolution = 131072.0;
 // Homing searches for edges at this fraction of the speed.
 constexpr double homing_speed_factor = 0.5;
 constexpr double zero_speed_factor = 0.1;
-// The axis must be within this fraction of a revolution of its target ...
+// The axis must be within this fraction of a revolution of its target, at most `settling_time` after target reached.
 constexpr double tolerance_revolutions = 0.001;
-// ... at most this long after target reached, which may refer to the demand position: the shaft follows it later.
+// Target reached may refer to the demand position, which the shaft follows later.
 constexpr master::Time settling_time = std::chrono::milliseconds(500);
 // A halt on the ramp of a low --acceleration takes longer, and becomes a quick stop.
 constexpr master::Time longest_halt = std::chrono::seconds(1);

@@ -212,9 +212,9 @@ void CanCyclicBus::set_up(Station& station) {
   }
 }
 
-// The last changed object is restored first. Each restore that gets no answer is repeated once. An error does not end
-// the restoring of the other objects, unless the node has not answered `most_unanswered` attempts in a row: then it is
-// regarded as silent, and the wait for more timeouts is avoided. Throws the first error at the end.
+// Restores the objects, the last changed one first. Repeats each write that gets no answer once. An error does not
+// prevent the restoring of the other objects, unless the node has not answered `most_unanswered` attempts in a row:
+// then the function gives up, to avoid further timeouts. Throws the first error at the end.
 void CanCyclicBus::put_back(Station& station) {
   master_.command(NmtCommand::enter_pre_operational, station.drive.node_id);
   unsigned unanswered = 0;  // attempts in a row
@@ -256,7 +256,7 @@ void CanCyclicBus::send_quick_stops() {
   master_.send_sync();
 }
 
-// SDO reaches the drives that have not taken the RPDO. All drives get the command before the first wait.
+// Stops by SDO the drives that did not receive the RPDO. Sends the command to all drives before it waits for the first.
 void CanCyclicBus::stop_drives(std::exception_ptr& problem) {
   carry_out([&] { send_quick_stops(); }, problem);
   std::vector<Station*> commanded;

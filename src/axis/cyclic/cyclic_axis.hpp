@@ -19,7 +19,7 @@ class CyclicAxis {
   // Link and address, for error messages.
   const std::string& where() const { return where_; }
 
-  // ---- Inputs of the last cycle; 0 for an object that is not mapped ----
+  // ---- Inputs of the last cycle, in the units of the objects; 0 for an object that is not mapped ----
   std::uint16_t statusword() const { return statusword_.get<std::uint16_t>(); }
   PowerState state() const { return state_of(statusword()); }
   std::int8_t mode() const { return value<std::int8_t>(mode_display_); }                  // 6061h
@@ -33,7 +33,7 @@ class CyclicAxis {
   bool shows_position() const { return position_.has_value(); }
   bool shows_velocity() const { return velocity_.has_value(); }
 
-  // ---- Outputs of the next cycle; each throws MasterError if its object is not mapped ----
+  // ---- Outputs of the next cycle, in the units of the objects; throw MasterError if the object is not mapped ----
   void set_controlword(std::uint16_t word) { controlword_.set(word); }
   std::uint16_t controlword() const { return controlword_.get<std::uint16_t>(); }
   void set_mode(OperationMode mode) { required(mode_, 0x6060).set(static_cast<std::int8_t>(mode)); }
@@ -53,8 +53,9 @@ class CyclicAxis {
   std::uint16_t touch_probe_status() const { return value<std::uint16_t>(probe_status_); }  // 60B9h
   std::int32_t touch_probe_position(unsigned probe, bool rising) const;                     // 60BAh to 60BDh
 
-  // One state transition towards operation enabled at each call; true once it is reached. Until then the targets follow
-  // the actual position, so that the axis does not jump. Does not reset a fault: returns false as long as there is one.
+  // Commands one state transition towards operation enabled at each call; returns true once the drive is enabled. Until
+  // then the targets follow the actual position, so that the axis does not jump. Does not reset a fault: returns false
+  // as long as there is one.
   bool enable();
   // Commands switch on disabled; true once it is reached.
   bool disable();

@@ -17,7 +17,7 @@ constexpr Time longest_stop = std::chrono::seconds(2);
 // From writing an output until the inputs show its effect (master/ethercat/coe_objects.cpp).
 constexpr int cycles_to_act = 4;
 
-// Whether a shaft stands, by its position.
+// Detects the standstill of a shaft by its position.
 class Standstill {
  public:
   // Call it in each cycle. Returns true if the position has stayed the same for `span`, or is not in the process data.

@@ -158,8 +158,8 @@ void MotionAxis::supervise(bool fresh) {
   const OperationMode wanted = mode_of(task_);
   cycles_without_mode_ = (enabled_ || waits_for_mode()) && !mode_is(wanted) ? cycles_without_mode_ + 1 : 0;
   if (cycles_without_mode_ > mode_timeout_cycles_) fail(AxisFault::mode_refused);
-  // A drive that has followed its target and ceases to, as at a limit switch, would catch up later with a target that
-  // is no longer asked for.
+  // If a drive stops following its target, as at a limit switch, it would later move to a target that is no longer
+  // wanted.
   if (!enabled_ || task_ != Task::position || !fresh) return;
   has_followed_ = has_followed_ || shows_following();
   cycles_not_following_ = has_followed_ && !shows_following() ? cycles_not_following_ + 1 : 0;

@@ -15,9 +15,9 @@ inline std::optional<PowerState> shown_state(ProcessImage& image) {
   return state_of(status->get<std::uint16_t>());
 }
 
-// Sets the controlword to quick stop if the drive is operation enabled, or if the controlword enables it: a drive on
-// its way there, or one whose statusword is not mapped. Returns true if it did. 605Ah selects how the drive brakes;
-// with 0 it coasts.
+// Sets the controlword to quick stop if the drive is operation enabled, or if the present controlword enables it (the
+// drive is about to become enabled, or its statusword is not mapped). Returns true if it did. 605Ah selects how the
+// drive brakes; with 0 it coasts.
 inline bool request_quick_stop(ProcessImage& image) {
   auto command = image.output({0x6040, 0});
   if (!command) return false;

@@ -22,7 +22,7 @@ class SetPointGenerator {
     end,      // at the end of the profile that is done(); time elapsed beyond that end counts for the new profile
   };
 
-  // Starts from this state: at standstill, or moving on with the state's velocity.
+  // Sets the state without a profile: at standstill, or moving with the constant velocity of `state`.
   void reset(const MotionState& state);
   // A profile to `target`, passed with the magnitude of `end_velocity`. False if a number is not finite or a limit is
   // not above zero; then nothing changes.

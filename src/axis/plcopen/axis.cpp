@@ -12,7 +12,7 @@ namespace {
 
 bool is_positive(double value) { return std::isfinite(value) && value > 0.0; }
 
-// Where an axis comes to rest, in counts, that brakes from this state on.
+// Returns the position in counts at which the axis comes to rest if it brakes from `state` within `limits`.
 double place_of_rest(const MotionState& state, const MotionLimits& limits) {
   trajectory::Trajectory brake;
   const auto shape = limits.jerk > 0.0 ? trajectory::RampShape::jerk_limited : trajectory::RampShape::linear;
@@ -213,7 +213,7 @@ void Axis::release_stop(Command& stop) { stop.released = true; }
 
 ErrorId Axis::leave_master(CommandKind kind) {
   if (!active_ || active_->kind != kind) return ErrorId::state_does_not_permit;
-  // The axis goes on like one with MC_MoveVelocity, with the dynamics of the command that it leaves.
+  // The axis continues as with MC_MoveVelocity, with the dynamics of the command that it leaves.
   const auto goes_on = std::make_shared<Command>(*active_);
   const double velocity = motion_.set_point().velocity / scale_;
   goes_on->kind = CommandKind::MoveVelocity;
@@ -387,7 +387,8 @@ void Axis::update_active() {
   }
 }
 
-// A command that does not end by itself ends in its goal if another one is buffered behind it.
+// A command that does not end by itself (such as MC_MoveVelocity) ends when it has reached its goal and another command
+// is buffered behind it.
 void Axis::end_by_next(const Command& command) {
   if (&command != active_.get() || !command.in_goal || queue_.empty()) return;
   finish(Command::Status::aborted);

@@ -39,15 +39,15 @@ void Axis::follow_gear(Command& command) {
   motion_.follow({(slave_origin_ + way) * scale_, velocity, 0.0});
 }
 
-// A slave whose master asks for more than its greatest velocity stops with an error. `velocity`: in counts/s.
+// Stops the slave with an error if its master demands more than the slave's greatest velocity. `velocity`: in counts/s.
 bool Axis::is_too_fast(double velocity) {
   if (std::abs(velocity) <= configuration_.max_velocity * std::abs(scale_)) return false;
   enter_error_stop(ErrorId::above_limit);
   return true;
 }
 
-// The position of the master, as led_by() returns it, that is 0 on the cam before the offset: the origin of the
-// master's own positions, or for a relative master its present position.
+// Returns the master position (as led_by() returns it) that is the origin of the cam, before the offset: the origin of
+// the master's own positions, or for a relative master its present position.
 double Axis::cam_origin(const Command& command) const {
   const double place = led_by(command, false);
   if (!command.master_is_absolute) return place;

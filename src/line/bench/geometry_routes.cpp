@@ -18,7 +18,8 @@ std::string_view purpose_of(const plant::Switch& fitted, const Product& product)
   return fitted.wire == product.wiring.home ? "home" : "switch";
 }
 
-// Returns the kind of the load, for a drawing: linear if the travel has two ends, otherwise rotary.
+// Returns the kind of the load, for a drawing: crank or arm if the load has such parameters; otherwise linear if the
+// travel has two ends, else rotary.
 Json mechanics_of(const Axis& axis, bool has_ends) {
   const plant::Parameters& parameters = axis.plant().parameters();
   const plant::Load& load = parameters.load;

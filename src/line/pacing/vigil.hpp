@@ -15,8 +15,9 @@ class Vigil {
   static constexpr int proof = 8;  // number of such frames in a row that starts busy-waiting
   // If a yield takes longer than this, another program computes on this processor without a pause.
   static constexpr auto longest_loan = std::chrono::milliseconds(1);
-  // Number of frames after such a yield until busy-waiting is tried again. On a processor that another program uses
-  // without a pause, a thread that sleeps gets the processor back sooner than one that yields.
+  // After such a yield, this number of frames that come within `longest` must pass before frames count towards `proof`
+  // again. On a processor that another program uses without a pause, a thread that sleeps gets the processor back
+  // sooner than one that yields.
   static constexpr int respite = 10'000;
 
   // Must be called after a wait that returned frames; `present` is the moment at which they had been answered.
@@ -33,7 +34,7 @@ class Vigil {
   // came.
   void answered(Moment present) { answered_ = present; }
   bool worthwhile() const { return score_ >= proof; }
-  // No frame came for `longest`: busy-waiting ends.
+  // Returns true if no frame came for `longest`: busy-waiting must end.
   bool over(Moment present) const { return present - answered_ > longest; }
   void in_vain() {
     if (score_ > 0) score_ = 0;  // a negative score stays: it counts the frames until the next attempt

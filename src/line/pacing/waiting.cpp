@@ -13,11 +13,11 @@ using namespace std::chrono_literals;
 
 constexpr Time longest_sleep = 1ms;  // a frame that an axis sends by itself is late by at most this time
 constexpr Time longest_nap = 10ms;   // the same, while no CAN client and no master is connected
-// Intervals between two polls of Asio. They limit the delay of the API ...
+// Intervals between two polls of Asio. They limit the delay of the API and of the links that Asio serves.
 constexpr Time longest_between_turns = 1ms;
-constexpr Time attentive_between_turns = 250us;  // ... and of other links, while a client or a master is connected
+constexpr Time attentive_between_turns = 250us;  // while a client or a master is connected
 constexpr Time busy_between_turns = 20us;        // beside busy links, if another EtherCAT link is not busy
-constexpr unsigned busy_frames = 32;             // that busy links may bring before the clock is read
+constexpr unsigned busy_frames = 32;             // number of frames from busy links after which the clock is read
 
 }  // namespace
 

@@ -21,8 +21,8 @@ enum class ErrorState : std::uint8_t { active, passive, bus_off };
 // receive or acknowledge. `listen_only`: it receives, but never drives the wire (no acknowledge, transmit() refuses).
 enum class Participation : std::uint8_t { off, listen_only, normal };
 
-// A node on the bus, as the bus sees it. CanBus::advance() makes the calls in order of time. A receiver may call
-// transmit() from them, with the time that it got, but not advance(), attach() or detach().
+// A node on the bus, as the bus sees it. CanBus::advance() calls these functions in order of time. They may call
+// transmit(), with the time that they got, but not advance(), attach() or detach().
 class Receiver {
  public:
   virtual ~Receiver() = default;

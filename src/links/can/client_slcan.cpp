@@ -38,7 +38,7 @@ SlcanClient::SlcanClient(const SlcanName& name, const CanClientOptions& options)
 }
 
 SlcanClient::~SlcanClient() {
-  // A failure has no consequences.
+  // A failure is ignored: the port is closed in any case.
   write_all(tty_.get(), "C\r", std::chrono::steady_clock::now() + std::chrono::milliseconds(100));
 }
 

@@ -22,7 +22,7 @@ class EthercatStation {
   virtual ~EthercatStation() = default;
   // The slave controller that frames pass. It must not change while the station is attached.
   virtual ethercat::Esc& esc() = 0;
-  // Called after a frame that left the slave something to do (Esc::calls), at most once per frame, with the frame's
+  // Called after a frame that gives the slave's application work (Esc::calls), at most once per frame, with the frame's
   // time. Returns the time until which the station need not run if no other frame comes.
   virtual Time frame_passed(Time at) = 0;
 };
@@ -94,7 +94,7 @@ class EthercatBus {
   std::size_t size() const { return slaves_.size(); }
 
   // Passes a frame of at most ethercat::max_frame bytes through the segment and changes it in place. Then the stations
-  // do what the frame left them to do. `exit` of the result tells at which port the frame comes back, or that it is
+  // do the work that the frame has caused. `exit` of the result tells at which port the frame comes back, or that it is
   // lost.
   Passage exchange(std::span<std::uint8_t> frame, Time at, Port entry = Port::primary,
                    Encapsulation encapsulation = Encapsulation::ethernet, EthercatSender sender = {}) {
@@ -107,8 +107,8 @@ class EthercatBus {
   Passage pass(std::span<std::uint8_t> frame, Time at, Port entry, Encapsulation encapsulation,
                EthercatSender sender = {});
   void settle(Time at);
-  // Considers the stations that frames have changed since forget_events(). Returns the time until which these stations
-  // need not run: `never` if there are none, Esc::unknown if a frame wrote a register.
+  // Returns the time until which the stations that frames have changed since forget_events() need not run: `never` if
+  // there are no such stations, Esc::unknown if a frame wrote a register.
   Time next_event() const { return next_event_; }
   void forget_events() { next_event_ = never; }
 

@@ -32,10 +32,10 @@ class SdoError : public ObjectError {
 
 struct SdoOptions {
   Time timeout = std::chrono::seconds(1);  // for each answer
-  // Number of retries of an upload without answer. Before a retry, and before the next upload, the client reads another
-  // object (LateAnswer): a late answer comes before the answer to that. Without an answer, this read counts as the
-  // retry or the upload. A download is never repeated, because it may have taken effect. In a block transfer also the
-  // number of retries of a sub-block's acknowledgement.
+  // Number of retries of an upload without answer. Before a retry, and before the next upload, the client reads a
+  // constant object, so that a late answer is not taken for the new one (LateAnswer). If this read gets no answer, it
+  // counts as the retry or as the upload. A download is never repeated, because it may have taken effect. In a block
+  // transfer this is also the number of retries of a sub-block's acknowledgement.
   unsigned retries = 1;
 };
 

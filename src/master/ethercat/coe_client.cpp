@@ -130,7 +130,7 @@ std::vector<std::byte> CoeClient::upload(ObjectAddress object, bool complete) {
     } catch (const EthercatError& of_mailbox) {
       if (of_mailbox.kind() != EthercatError::Kind::no_answer) throw;
     }
-    throw;  // the slave has not even read the first request
+    throw;  // the slave does not read its mailbox any more: throws the first error
   }
 }
 

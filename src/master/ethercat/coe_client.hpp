@@ -61,8 +61,8 @@ class CoeClient {
 
   // The size determines the transfer: expedited, normal or segmented. An upload without an answer is repeated once; a
   // download is not, because it may have taken effect. Before the repetition, and before the next upload, the client
-  // reads another object (LateAnswer): a late answer comes before the answer to that. Without an answer, the upload
-  // counts as unanswered.
+  // reads a constant object, so that a late answer is not taken for the new one (LateAnswer). If this read gets no
+  // answer, the upload counts as unanswered.
   std::vector<std::byte> upload(ObjectAddress object) { return upload(object, false); }
   void download(ObjectAddress object, std::span<const std::byte> data) { download(object, data, false); }
   // Complete access: all entries in one transfer, from sub-index 0 (as two bytes) or from 1. BOOLEANs are packed as

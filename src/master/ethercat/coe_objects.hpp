@@ -8,11 +8,11 @@ namespace servodrome::master {
 // use the process data, because the next cycle would overwrite a value written by SDO. A write to a mapped object
 // returns when the slave has applied it.
 //
-// A slave whose application hangs still exchanges process data with a right working counter, and its inputs keep their
-// values. So if the inputs do not change for `longest_unchanged`, upload() compares statusword and position with their
-// values by SDO. If they differ, or the SDO gets no answer, it throws EthercatError. After a difference, objects are
-// read by SDO only, so that the caller can still stop the axis. For the same reason the inputs are used for
-// `longest_unchanged` again after an SDO without an answer; then they are compared again.
+// A slave whose application hangs still exchanges process data with a correct working counter, but its inputs do not
+// change. So if the inputs do not change for `longest_unchanged`, upload() compares statusword and position with their
+// values by SDO. If the values differ, or the SDO gets no answer, it throws EthercatError. After a difference, upload()
+// reads objects by SDO only. After an SDO without an answer, it uses the inputs for another `longest_unchanged` before
+// it compares them again. In both cases the caller can still stop the axis.
 class CoeObjects final : public ObjectClient {
  public:
   static constexpr Time longest_unchanged = std::chrono::milliseconds(500);

@@ -151,7 +151,8 @@ FileEntry entry_that_answered(ObjectAddress address, ObjectCode code, std::span<
   return made;
 }
 
-// nullopt: the object does not exist. A missing answer throws.
+// Returns nullopt if the drive refuses the read, usually because the object does not exist. Throws if it does not
+// answer.
 std::optional<std::vector<std::byte>> try_upload(ObjectClient& objects, ObjectAddress address) {
   try {
     return objects.upload(address);
@@ -177,7 +178,7 @@ void find_object(ObjectClient& objects, std::uint16_t index, DeviceFile& device)
     if (value) {
       parts.push_back(entry_that_answered(address, code, *value));
     } else if (sub == 1 || counts_what_is_valid) {
-      break;  // an object of one byte, or the end of a mapping
+      break;  // an object without sub-indices, or the end of a mapping
     }
   }
   device.entries.push_back(entry_that_answered({index, 0}, parts.empty() ? ObjectCode::var : code, *first));

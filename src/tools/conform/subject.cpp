@@ -304,7 +304,7 @@ bool Subject::answers() {
   return answers_once();
 }
 
-// A changed position value is a problem of the drive's user, who would have to home the axis again.
+// Notes a position value that homing has changed, because the user of the drive would have to home the axis again.
 void Subject::compare_position() {
   if (!expected_position_) return;
   const auto shown = position();

@@ -89,7 +89,7 @@ class Trial {
   AxisUnits units();
   // Distance of the motion that the user permits, in position units.
   std::int32_t distance() { return whole(units().position * settings().revolutions); }
-  // Timeout of a motion over twice that distance at half a revolution per second.
+  // Timeout of a motion: the patience, and twice the time for twice that distance at half a revolution per second.
   Time patience_of_way() const;
   // The permitted way begins at this position, and goes as far as distance() and a small tolerance in both directions.
   // control() calls it when it enables the axis, except in homing mode, which changes the position value.

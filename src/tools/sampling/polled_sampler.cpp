@@ -75,8 +75,8 @@ class PolledSampler final : public Sampler {
   bool polls() const { return is_wanted() && !problem_; }
   Time next_due() const { return polls() ? due_ : Time::max(); }
 
-  // Returns true if it took a sample. An error ends the sampling, and check() throws it. The access of the caller does
-  // not fail: it may be a stop of the axis.
+  // Returns true if it took a sample. An error ends the sampling, and check() throws it later. It does not end the
+  // access of the caller, which may be a stop of the axis.
   bool poll_if_due() {
     if (!polls() || drive_.now() < due_) return false;
     try {

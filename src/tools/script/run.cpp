@@ -431,7 +431,7 @@ class Runner {
 
   Time now() { return members_.front().axis->objects().now(); }
 
-  // The enabled axes, the present one last.
+  // Returns the enabled axes; the axis of the present step comes last.
   std::vector<Axis402*> axes_to_stop() const {
     std::vector<Axis402*> axes;
     for (std::size_t i = 0; i < members_.size(); ++i) {
@@ -441,8 +441,8 @@ class Runner {
     return axes;
   }
 
-  // Commands the stop of all enabled axes and does not wait for standstill. A cancellation calls it between two
-  // accesses to the present axis. This axis is the first, because it has just answered; another axis may not answer.
+  // Commands the stop of all enabled axes, without waiting for standstill. A cancellation calls it between two accesses
+  // to the present axis. So this axis comes first: it has just answered, and another axis may not answer.
   void begin_stop() {
     std::vector<Axis402*> axes = axes_to_stop();
     std::reverse(axes.begin(), axes.end());

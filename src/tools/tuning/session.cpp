@@ -226,7 +226,7 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const catalogue::TuningD
                         "give --bandwidth to make the loop slower" + text_of_losses(result.after->lost_cycles));
     }
     if (request.steps) result.step_after = tuner.step();
-    // The caller may have been ended while the tuner disabled the axis: then one of these throws.
+    // If the operation was cancelled while the tuner disabled the axis, one of these calls throws.
     objects.read<std::uint16_t>(0x6041);
     tuner.leave_if_cancelled();
     putting_back.kept = true;

@@ -44,7 +44,8 @@ SessionResult tune(Tuner& tuner, ObjectClient& objects, const catalogue::TuningD
 // The figures that became better and those that became worse, with the values before and after. Empty without `after`.
 std::string text_of_changes(const SessionResult& result);
 
-// What a proposal would make slower, or that this is unknown. Empty if nothing becomes slower, and with `after`.
+// Returns a warning if the proposed loops would be slower than the present ones, or if that is unknown. Empty if they
+// would not, and for a result with `after`.
 std::string note_of(const SessionResult& result);
 
 // Writes the old gains as far as the drive accepts them. Returns the result as text for the end of a message.

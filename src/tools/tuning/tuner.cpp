@@ -339,7 +339,8 @@ Measurement Tuner::measure(double bandwidth_hz, const std::optional<NotchSetting
   const Multisine excitation(sample_s_, period, std::min(options_.lowest_hz, bandwidth_hz / 10.0), 0.5 / sample_s_,
                              excitation_lines);
   const auto periods = std::max(2U, static_cast<unsigned>(0.5 * options_.seconds / period_s));
-  // Includes three more periods, in case settling has to be repeated. travel_slack covers ramps and the return.
+  // Includes one period to settle, and three more in case settling is repeated. travel_slack covers ramps and the
+  // return.
   const double way_s = (periods + 4) * period_s + 2.0 * ramp_s + 1.0;
   const double bias = options_.travel_revolutions * turn / way_s;
 
