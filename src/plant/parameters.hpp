@@ -172,7 +172,7 @@ struct Sensors {
   double current_range_a = 0.0;              // [0, 1e5] amplitude; 0: supply.overcurrent_a
   int current_bits = 12;                     // [0, 24] of the converter, for both directions; 0: no quantisation
   double current_noise = 0.0003;             // [0, 0.1] r.m.s.
-  double current_offset = 0.001;             // [0, 0.1] at most, of each phase, after the drive's own calibration
+  double current_offset = 0.001;             // [0, 0.1] at most, of each phase; the drive measures it at power-on
   double current_gain_error = 0.005;         // [0, 0.2] at most, of each phase
   double encoder_noise_arcsec = 2.0;         // [0, 36000] r.m.s.
   double encoder_latency_us = 20.0;          // [0, 250]

@@ -104,7 +104,7 @@ Case of_plant(const char* alarm, std::uint16_t code, std::uint8_t error_register
   return {alarm, code,  error_register, turning, inject(injection), inject(injection, false), Gone::when_removed,
           cut,   reset, 200.0,          variant};
 }
-// No part of this drive or its surroundings can cause it: see README.md.
+// By injection. README.md says which of these alarms can have another cause.
 Case injected_only(const char* alarm, std::uint16_t code, std::uint8_t error_register, Cause cause, Cut cut,
                    Reset reset) {
   return {alarm,
