@@ -30,6 +30,11 @@ void add_node_option(CLI::App& command, BusOptions& options) {
       ->check(CLI::Range(1, 65535).description(""));
 }
 
+std::string can_or_ethercat_help() {
+  return fmt::format("CAN link: {}; or EtherCAT: {}", links::client_forms(links::can_schemes, " or "),
+                     links::client_forms(links::ethercat_schemes_easiest_first, " or "));
+}
+
 std::string serial_link_help() {
   return "modbus:LINK or serial10:LINK with " + links::client_forms(links::serial_schemes, " or (modbus) ");
 }

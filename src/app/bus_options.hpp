@@ -56,6 +56,8 @@ BusKindAndLink bus_kind(const BusOptions& options);
 // Adds --bus, --json, and --timeout with its meaning for this command; `options` holds the defaults.
 void add_bus_options(CLI::App& command, BusOptions& options, const std::string& timeout_help);
 void add_node_option(CLI::App& command, BusOptions& options);
+// "CAN link: ...; or EtherCAT: ...", for the help of --bus.
+std::string can_or_ethercat_help();
 // "modbus:LINK or serial10:LINK with ...": the links of serial lines, for the help of --bus.
 std::string serial_link_help();
 // For commands that also work on other buses: adds --bit-rate, --format and --product, and extends the help of --bus.

@@ -150,13 +150,15 @@ void DriveLink::open(Modbus& modbus, const BusOptions& options, const std::strin
 
 std::uint8_t modbus_unit(const BusOptions& options, const std::string& link) {
   if (options.node_id > modbus::highest_station) {
-    throw Failure::wrong_use(fmt::format("--node {}: stations are 1..{}", options.node_id, modbus::highest_station));
+    throw Failure::wrong_use(fmt::format("node {}: stations are 1..{}", options.node_id, modbus::highest_station));
   }
   auto unit = static_cast<std::uint8_t>(options.node_id);
   if (unit == 0) {
     if (!is_tcp(link)) {
       throw Failure::wrong_use(
-          fmt::format("--bus {}: choose a station with --node; `servodrome scan` lists the stations", options.link));
+          fmt::format("--bus {}: choose a station with --node (for `studio`: --bus LINK=STATION); `servodrome scan` "
+                      "lists the stations",
+                      options.link));
     }
     unit = modbus::unspecified_unit;
   }
@@ -201,7 +203,7 @@ const line::Product& modbus_product(master::ModbusClient& client, std::uint8_t u
 void DriveLink::open(Serial10& serial10, const BusOptions& options, const std::string& link) {
   const master::Serial10Options serial10_options{.timeout = options.answer_timeout()};
   serial10.client = std::make_unique<master::Serial10Client>(open_serial10_client(options, link, serial10_options));
-  if (options.node_id > 127) throw Failure::wrong_use(fmt::format("--node {}: ids are 1..127", options.node_id));
+  if (options.node_id > 127) throw Failure::wrong_use(fmt::format("node {}: ids are 1..127", options.node_id));
   const auto id =
       static_cast<std::uint8_t>(options.node_id != 0 ? options.node_id : servodrome::serial10::universal_id);
   if (product_ == nullptr) product_ = product_that_speaks(products::SerialProtocol::serial10);
@@ -239,9 +241,11 @@ const master::FoundSlave& choose_slave(const master::EthercatMaster& master,
     list += fmt::format("{}{} ({}{})", list.empty() ? "" : ", ", slave.position, slave.sii.name,
                         slave.alias != 0 ? fmt::format(", alias {}", slave.alias) : "");
   }
-  const std::string problem = options.node_id == 0 ? "several slaves answer"
-                                                   : fmt::format("no slave has position or alias {}", options.node_id);
-  throw Failure::wrong_use(fmt::format("{}: {}: {}; choose one with --node", master.name(), problem, list));
+  if (options.node_id == 0) {
+    throw Failure::wrong_use(fmt::format("{}: several slaves answer: {}; choose one with --node", master.name(), list));
+  }
+  throw Failure::wrong_use(fmt::format("{}: no slave has position or alias {}; choose one of these: {}", master.name(),
+                                       options.node_id, list));
 }
 
 bool is_drive(master::EthercatSlave& slave) {

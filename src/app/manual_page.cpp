@@ -63,10 +63,10 @@ Ended by Ctrl\-C, SIGTERM or the end of the terminal; an axis that moved has bee
 constexpr const char* environment_section = R"(.SH ENVIRONMENT
 .TP
 \fBSERVODROME_TOKEN\fR
-The token that other computers need to write over the bench API of \fBservodrome up\fR.
+The token that other computers need to write over the API of \fBservodrome up\fR and \fBservodrome studio\fR.
 .TP
 \fBSERVODROME_STUDIO\fR
-Folder with the web page that \fBservodrome up\fR serves.
+Folder with the web page that \fBservodrome up\fR and \fBservodrome studio\fR serve.
 )";
 
 }  // namespace

@@ -21,7 +21,7 @@ std::string page_folder(const std::string& wanted) {
   if (!wanted.empty()) {
     if (has_page(wanted)) return wanted;
     throw Failure::wrong_use(
-        fmt::format("--studio {}: there is no index.html; give the folder that the studio was built into", wanted));
+        fmt::format("folder {}: there is no index.html; give the folder that the studio was built into", wanted));
   }
   if (const char* folder = std::getenv("SERVODROME_STUDIO"); folder != nullptr && *folder != '\0') {
     if (has_page(folder)) return folder;

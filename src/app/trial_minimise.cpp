@@ -105,7 +105,7 @@ class Minimiser {
       for (std::size_t i = begin; i < end; ++i) {
         tried_.insert(left[i].text);
         if (!failures_of(results[i - begin]).contains(failure_)) {
-          say(fmt::format("{}: does not fail so", left[i].what));
+          say(fmt::format("{}: does not fail in this way", left[i].what));
           continue;
         }
         say(fmt::format("{}: still fails", left[i].what));

@@ -16,7 +16,7 @@ class Link {
   // Place of a waiting frame in the queue. A sent frame never gets its place back.
   using Place = std::uint64_t;
   static constexpr Place no_place = ~Place{0};
-  // A service whose frame found no room waits so long before it tries again.
+  // Time until a service tries again whose frame found no place in the full queue.
   static constexpr Time retry_time = std::chrono::milliseconds(1);
 
   // `ring` is the ring buffer for waiting frames; its size is a power of two.

@@ -188,7 +188,9 @@ Action read_power(TableReader& reader) { return Switch{Switch::What::power, "", 
 Action read_inject(TableReader& reader) {
   std::string fault;
   reader.read("fault", fault);
-  if (fault.empty()) reader.complain("fault", "is missing", "`servodrome faults` lists the names");
+  if (fault.empty()) {
+    reader.complain("fault", "is missing", "name one: fault = \"encoder_loss\"; docs/scenario.md describes `inject`");
+  }
   return Switch{Switch::What::fault, fault, true};
 }
 

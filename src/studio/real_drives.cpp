@@ -336,7 +336,7 @@ Subject RealDrives::open(api::Call& call) {
   const BusPlan& bus = buses_[axis.bus]->plan();
   if (axis.product.empty()) {
     throw ApiError{409, "the parameters of this drive are not known", fmt::format("{}, {}", axis.name, bus.link),
-                   "`servodrome params --eds FILE` reads them from its data sheet"};
+                   "`servodrome params save --eds FILE` reads them from its data sheet"};
   }
   dictionary::Dictionary& seen = bus.type == "rs485" ? axis.device->dictionary() : axis.device->bus_dictionary();
   Subject subject{.client = open(axis), .product = axis.product, .table = seen.table()};

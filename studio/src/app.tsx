@@ -159,7 +159,7 @@ function Banner() {
     const { what, where } = shownOf(problem);
     return (
       <div className="banner bad" role="alert">
-        No answer from {silent}: {[what, where].filter(Boolean).join(' · ')}. The page reconnects automatically.
+        No answer from {silent}: {[what, where].filter(Boolean).join(' · ')}. The server retries automatically.
       </div>
     );
   }

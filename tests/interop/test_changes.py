@@ -134,6 +134,7 @@ def test_wrong_requests_are_explained(line):
     assert "--undo-all needs --axis" in changes(line, "--undo-all", "--axis", "reference", "--all-axes", status=2)
     assert "--all-axes needs --undo-all" in changes(line, "--all-axes", status=2)
     assert "--preview needs" in changes(line, "--preview", status=2)
+    assert "--axis excludes --undo" in changes(line, "--undo", 7, "--axis", "reference", status=2)
     assert "there is no change 7" in changes(line, "--undo", 7, status=1)
     assert 'there is no axis "x"' in changes(line, "--axis", "x", status=1)
     gone = subprocess.run([PROGRAM, "changes", "--server", "127.0.0.1:1"], capture_output=True, text=True, timeout=60, check=False)

@@ -57,6 +57,7 @@ def test_a_drive_is_recognised_by_a_makers_file_or_by_its_objects(start_line, tm
     (node,) = json.loads(servodrome(*scan, "--eds", sheet))["nodes"]
     assert node["recognised_by"] == "description" and node["recognised_as"].endswith("(ax402.eds)"), node
     assert str(tmp_path) in servodrome(*scan, "--eds", tmp_path / "none.eds", status=2)
+    assert "each drive answers to 127" in servodrome("scan", "--bus", "serial10:serial:/nowhere", "--last", 127, status=2)
 
 
 def test_get_and_set(client, bench):

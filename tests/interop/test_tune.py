@@ -235,6 +235,9 @@ def test_wrong_uses(tuned_line):
     can = ["--bus", tuned_line.links["can0"][0], "--node", 2]
     assert "not both" in servodrome("tune", *can, "--apply", "--propose", status=2)
     assert "--apply" in servodrome("tune", *can, "--store", status=2)
+    for wrong in [["--propose"], ["--plot", "/tmp/x.svg"], ["--bandwidth", 50], ["--seconds", 5]]:
+        said = servodrome("tune", *can, "--auto", *wrong, status=2)
+        assert "excludes" in said and "--auto" in said and wrong[0] in said, said
     assert "fixed rate" in servodrome("tune", "--bus", "modbus:tcp:127.0.0.1:1", status=2)
     assert "no automatic tuning" in servodrome("tune", *can, "--auto", status=1)
     nowhere = ["--bus", "socketcand:127.0.0.1:1/can0"]

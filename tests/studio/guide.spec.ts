@@ -95,7 +95,7 @@ for (const { name, counts } of axes) {
     await moves('Measure a step', () => figures(page).isVisible());
     const [before] = await values(page, /^Rise time/);
     if (tunes === 'proposed') {
-      await type(page, 'Target bandwidth (blank: 60 % of the maximum)', name === 'ismk' ? 40 : 180);
+      await type(page, 'Target bandwidth (blank: at least 60 % of maximum)', name === 'ismk' ? 40 : 180);
       await moves('Measure the loop and propose gains', () => page.getByText('The proposed gains are in the form').isVisible());
       await write(page, 'Gains');
       await moves('Measure a step', async () => (await values(page, /^Rise time/))[2] < before);

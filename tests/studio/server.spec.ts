@@ -52,7 +52,7 @@ test('an error in a page leaves the others, and the big stop', async ({ page, op
   await withoutTimeouts(page);
   await page.route('**/api/v1/buses', (route) => route.fulfill({ json: { buses: [{ name: 'can0', type: 'can' }] } }));
   await page.goto(line.address);
-  await expect(page.getByRole('alert')).toContainText('This page has failed');
+  await expect(page.getByRole('alert')).toContainText('This part of the page has failed');
   await page.getByRole('button', { name: 'STOP', exact: true }).click();
   await expect(page.getByText('all axes stopped')).toBeVisible();
   await page.getByRole('link', { name: 'Axis', exact: true }).click();

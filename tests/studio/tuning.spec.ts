@@ -23,7 +23,7 @@ test('an axis is tuned, its gains are written, measured, and put back', async ({
   const before = await gain();
   await open('/tuning/reference');
   const tune = panel(page, 'Tune the velocity loop');
-  await type(page, 'Target bandwidth (blank: 60 % of the maximum)', 60, tune);
+  await type(page, 'Target bandwidth (blank: at least 60 % of maximum)', 60, tune);
   await tune.getByRole('button', { name: 'Tune', exact: true }).click();
   const progress = page.getByRole('progressbar', { name: 'Progress of the tuning' });
   await expect(progress).toBeVisible({ timeout: 30_000 });

@@ -136,7 +136,8 @@ void add_changes(CLI::App& app) {
   command->add_option("--since", options->since, "Changes after this number only")
       ->check(number_within(0, changes_command::most_number));
   command->add_option("--undo", options->undo, "Undo the change with this number")
-      ->check(number_within(1, changes_command::most_number));
+      ->check(number_within(1, changes_command::most_number))
+      ->excludes("--axis", "--who", "--since");
   command->add_flag("--undo-all", options->undo_all,
                     "Undo all changes of --axis or --all-axes, the newest first; with --who and --since only these");
   command->add_flag("--all-axes", options->all_axes, "With --undo-all: in all drives of the server");

@@ -83,6 +83,9 @@ void clone(const Options& options) {
   if (kind != BusKind::can && kind != BusKind::ethercat) {
     throw Failure::wrong_use("clone: only CANopen and EtherCAT drives can be read; give such a bus with --bus");
   }
+  if (kind == BusKind::ethercat && !options.eds.empty()) {
+    throw Failure::wrong_use("clone: --eds is for CAN; on EtherCAT the slave lists its objects itself");
+  }
   const InterruptGuard guard;
   DriveLink link(options.bus, true);
   if (link.sdo() != nullptr) link.sdo()->cancel_when(InterruptGuard::interrupted);  // reading takes seconds
@@ -143,9 +146,13 @@ void add_clone(CLI::App& app) {
   command
       ->add_option("-o,--output", options->file, "File to write: an EDS with values (DCF), or for EtherCAT an ESI file")
       ->required();
-  command->add_option("--eds", options->eds, "Electronic data sheet with the objects of the drive");
+  command->add_option("--eds", options->eds, "CAN: electronic data sheet with the objects of the drive");
   add_bus_options(*command, options->bus, "Seconds to wait for each answer");
+  command->get_option("--bus")->description(can_or_ethercat_help());
   add_node_option(*command, options->bus);
+  command->get_option("--node")->description(
+      "Node-ID, 1..127, or on EtherCAT position behind the master, 1.., or (a number above the count of slaves) "
+      "station alias; the only one found if not given");
 }
 
 }  // namespace servodrome::app

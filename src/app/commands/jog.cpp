@@ -1,5 +1,7 @@
 // `jog` and `torque`: motions that last as long as the user wants.
+#include <cstdlib>
 #include <fmt/format.h>
+#include <limits>
 
 #include "app/commands.hpp"
 #include "app/motion_run.hpp"
@@ -25,7 +27,7 @@ struct TorqueOptions : MotionOptions {
 void jog(const JogOptions& options) {
   if (!options.seconds && !(has_keyboard() && on_terminal())) {
     throw Failure::wrong_use(
-        "jog: standard input is not a terminal, so keys cannot be read; give the duration with --seconds");
+        "jog: standard input or output is not a terminal, so keys cannot be read; give the duration with --seconds");
   }
   run_motion(options, [&](const Units& units) -> Motion {
     const auto velocity = units.velocity<std::int32_t>(options.velocity, "--velocity");
@@ -39,7 +41,8 @@ void jog(const JogOptions& options) {
         const auto now = [&axis] { return axis.objects().now(); };
         fmt::print("hold the right or left arrow key to move; up, down: faster, slower; space: stop; q: end\n");
         const Keyboard keyboard;
-        master::JogKeys keys(velocity);
+        // The key gives the direction.
+        master::JogKeys keys(std::abs(std::max(velocity, -std::numeric_limits<std::int32_t>::max())));
         axis.jog(
             profile,
             [&](const master::AxisStatus& status) {

@@ -49,7 +49,7 @@ void wait_for_next(master::ObjectClient& objects, const Options& options, master
 void monitor_bus(const Options& options) {
   if (bus_kind(options.bus).kind != BusKind::can) {
     throw Failure::wrong_use(
-        "monitor: a second participant cannot listen to this bus; give --axis, or objects of a drive");
+        "monitor: it shows the traffic of CAN buses only; on this bus give --axis, or objects of a drive");
   }
   const auto bus = open_bus(options.bus);
   const master::Time start = bus->now();

@@ -49,6 +49,7 @@ void add_nmt(CLI::App& app) {
       ->check(CLI::IsMember(nmt_command::words).description(""));
   add_bus_options(*command, options->bus, "Seconds to wait for the confirmation");
   add_node_option(*command, options->bus);
+  command->get_option("--node")->description("Node-ID, 1..127");
   command->add_flag("--all", options->all, "To all nodes");
   command->add_flag("--wait", options->wait, "Wait until heartbeat or boot-up confirms it");
 }

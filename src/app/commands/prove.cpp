@@ -357,9 +357,7 @@ void add_prove(CLI::App& app) {
   const auto [command, options] = add_command(
       app, "prove", "Home every drive of a bus, move it there and back, and print the results", prove_command::run);
   add_bus_options(*command, options->bus, "Seconds to wait until each motion is complete");
-  command->get_option("--bus")->description(
-      fmt::format("CAN link: {}; or EtherCAT: {}", links::client_forms(links::can_schemes, " or "),
-                  links::client_forms(links::ethercat_schemes_easiest_first, " or ")));
+  command->get_option("--bus")->description(can_or_ethercat_help());
   add_watch_option(*command, options->bus);
   add_cycle_options(*command, options->bus);
   command
@@ -384,7 +382,7 @@ void add_prove(CLI::App& app) {
       ->capture_default_str();
   command
       ->add_option("--units-per-revolution", options->units_per_revolution,
-                   "Position units per motor revolution; from 6092h or 608Fh if not given, else 131072")
+                   "Position units per motor revolution; if not given from 6091h and 6092h, or 608Fh, else 131072")
       ->check(number_within(1e-3, 1e9));
 }
 

@@ -137,9 +137,16 @@ std::vector<Station> scan_modbus(const Options& options, const std::string& link
 }
 
 std::vector<Station> scan_serial10(const Options& options, const std::string& link) {
+  constexpr unsigned highest = serial10::universal_id - 1U;
+  if (options.first > highest || options.last > highest) {
+    throw Failure::wrong_use(
+        fmt::format("--first and --last: with the 10-byte protocol they are 1..{}; each drive "
+                    "answers to {}",
+                    highest, serial10::universal_id));
+  }
+  const unsigned last = options.last != 0 ? options.last : highest;
   master::Serial10Client client =
       open_serial10_client(options.bus, link, {.timeout = options.bus.timeout(), .retries = 0});
-  const unsigned last = options.last != 0 ? options.last : serial10::universal_id - 1U;
   std::vector<Station> stations;
   for (unsigned id = options.first; id <= last; ++id) {
     try {
@@ -301,8 +308,8 @@ void list_buses(const Options& options) {
   }
   if (buses.empty()) {
     throw Failure::did_not_work(
-        "this computer has no CAN interface, network card or serial port, and no line is running; `servodrome up` "
-        "starts one");
+        "this computer has no CAN interface, network card or serial port, and no line runs at the default addresses; "
+        "`servodrome up` starts one");
   }
 }
 
@@ -353,7 +360,7 @@ void add_scan(CLI::App& app) {
   add_serial_options(*command, options->bus);
   command->remove_option(command->get_option("--product"));
   command->add_flag("--buses", options->buses,
-                    "List the buses of this computer, and those of a line that is running on it");
+                    "List the buses of this computer, and those of a line that runs on it at the default addresses");
   command
       ->add_option(
           "--eds", options->eds,

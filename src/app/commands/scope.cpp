@@ -417,7 +417,7 @@ void add_scope(CLI::App& app) {
                    "as fast as the drive answers")
       ->check(number_within(0.01, 1e4));
   add_seconds_option(*command, options->duration_s,
-                     "Duration in seconds, from the trigger if there is one; if not given 1, or with --run and --do "
+                     "Duration in seconds, from the trigger if there is one; if not given 1, or with --run or --do "
                      "until the script ends")
       ->check(number_within(0.001, 1e6));
   command->add_option(

@@ -414,7 +414,8 @@ void add_sniff(CLI::App& app) {
       ->add_option("--product", options->products,
                    "[NODE=]PRODUCT: the same for a product of `servodrome products`, and its Modbus registers")
       ->allow_extra_args(false);
-  add_seconds_option(*command, options->seconds, "Duration in seconds; until Ctrl-C if not given")
+  add_seconds_option(*command, options->seconds,
+                     "Duration in seconds; until Ctrl-C or the end of the capture if not given")
       ->check(number_within(0.001, 1e9));
   command
       ->add_option("--bit-rate", options->bit_rate,

@@ -142,12 +142,13 @@ void add_studio(CLI::App& app) {
   add_watch_option(*command, options->bus);
   command->remove_option(command->get_option("--bus"));
   command
-      ->add_option("--bus", options->buses,
-                   fmt::format("LINK or LINK=NODE,NODE..: a bus, and optionally the node-IDs, stations or positions of "
-                               "its drives (all drives found if not given); may be given several times. CAN: {}; "
-                               "EtherCAT: {}; {}",
-                               links::client_forms(links::can_schemes_hardware_first),
-                               links::client_forms(links::ethercat_schemes), serial_link_help()))
+      ->add_option(
+          "--bus", options->buses,
+          fmt::format("LINK or LINK=NODE,NODE..: a bus, and optionally the node-IDs, stations or positions of "
+                      "its drives (if not given all drives found, but a Modbus serial line needs its stations); may be "
+                      "given several times. CAN: {}; EtherCAT: {}; {}",
+                      links::client_forms(links::can_schemes_hardware_first),
+                      links::client_forms(links::ethercat_schemes), serial_link_help()))
       ->allow_extra_args(false);
   command->add_option("--api", options->api, "ADDRESS:PORT of the server (127.0.0.1:8402); port 0: the system chooses");
   command->add_option("--page", options->page,

@@ -249,9 +249,10 @@ void add_trial(CLI::App& app) {
       app, "trial", "Run your master through scenarios in which drives and buses misbehave", trial_command::run);
   command->add_option("--scenarios", options->scenarios, "Folders with scenario files, or scenario files")
       ->allow_extra_args(false);
-  command->add_option("MASTER", options->master,
-                      "Command of the master, behind --; {link}, {products} (of its drives), {host}, {port}, {api}, "
-                      "{scenario} and {job} are replaced, and the same are in SERVODROME_LINK and so on");
+  command->add_option(
+      "MASTER", options->master,
+      "Command of the master, behind --; {link}, {products} (of the drives on it), {host}, {port}, {api}, "
+      "{scenario} and {job} are replaced, and the same are in SERVODROME_LINK and so on");
   command
       ->add_option(
           "--bus", options->links,
@@ -260,21 +261,27 @@ void add_trial(CLI::App& app) {
       ->allow_extra_args(false);
   command->add_option("--only", options->only, "Only scenarios whose path contains this text");
   command->add_option("--jobs", options->jobs, "Number of trials that run at the same time, each with its own line")
-      ->check(CLI::Range(1, 64));
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
   command->add_option("--after", options->after_s, "Seconds for which the line runs on after the master has ended")
-      ->check(number_within(0.0, 60.0));
+      ->check(number_within(0.0, 60.0))
+      ->capture_default_str();
   command->add_option("--junit", options->junit, "Write the outcomes to this file, as JUnit XML");
   command->add_option("--html", options->html,
                       "Write a page with all outcomes, pictures of the shafts, and the traffic around failures");
   command->add_option("--keep", options->keep, "Keep the whole traffic of each trial as captures in this folder");
   command->add_option("--random", options->random, "Run this number of random combinations of the rules in --scenarios")
       ->check(CLI::Range(1, 100'000));
-  command->add_option("--seed", options->seed, "Of --random: the same seed gives the same scenarios");
-  command->add_flag(
-      "--minimise", options->minimise,
-      "Remove from one failing scenario what its failure does not need, and write the smaller scenario beside it");
+  command->add_option("--seed", options->seed, "Of --random: the same seed gives the same scenarios")
+      ->capture_default_str();
+  command
+      ->add_flag(
+          "--minimise", options->minimise,
+          "Remove from one failing scenario what its failure does not need, and write the smaller scenario beside it")
+      ->excludes("--junit", "--html", "--keep");
   command->add_option("--runs", options->runs, "Of --minimise: greatest number of trials")
-      ->check(CLI::Range(2, 100'000));
+      ->check(CLI::Range(2, 100'000))
+      ->capture_default_str();
   command->add_flag("--schema", options->schema,
                     "Print a JSON Schema of scenario files, for editors that complete and check TOML");
   command->add_flag("--list", options->list, "List the scenarios, check them, and run nothing");

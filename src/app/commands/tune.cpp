@@ -129,8 +129,10 @@ void print_storing(const Options& options, bool stored, bool written) {
   if (stored) {
     fmt::print("stored, with all other parameters as the drive has them at present\n");
   } else if (written) {
-    fmt::print("{}: the gains are lost at power-off (`--store` stores them, `params save` keeps them in a file)\n",
-               options.store ? "this drive has no store command" : "not stored");
+    fmt::print("{}\n", options.store
+                           ? "this drive has no store command; `params save` keeps the gains in a file"
+                           : "not stored: the gains are lost at power-off (`--store` stores them, `params save` keeps "
+                             "them in a file)");
   }
 }
 
@@ -202,7 +204,8 @@ void run_itself(const Options& options) {
 
 void run(const Options& options) {
   if (options.apply && options.propose) throw Failure::wrong_use("tune: give --apply or --propose, not both");
-  if (options.store && !options.apply && !options.itself) throw Failure::wrong_use("tune: --store goes with --apply");
+  if (options.store && !options.apply && !options.itself)
+    throw Failure::wrong_use("tune: --store goes with --apply or --auto");
   if (!options.plot.empty()) require_writable(options.plot);
   if (options.itself) return run_itself(options);
   const BusKind kind = bus_kind(options.bus).kind;
@@ -279,10 +282,13 @@ void add_tune(CLI::App& app) {
           "Target bandwidth of the closed velocity loop (-3 dB) in Hz; if not given 60 % of the maximum, or the "
           "present bandwidth if that is greater")
       ->check(number_within(1.0, 1000.0));
-  command->add_flag("--propose,--dry-run", options->propose, "Write nothing (the default without --apply)");
+  command->add_flag("--propose,--dry-run", options->propose, "Write nothing (the default without --apply and --auto)");
   command->add_flag("--apply", options->apply,
                     "Write the gains; the old gains are restored if the predicted result is not reached");
-  command->add_flag("--auto", options->itself, "Use the drive's own automatic tuning instead (iSMK), over any bus");
+  CLI::Option* const itself =
+      command->add_flag("--auto", options->itself,
+                        "Use the drive's own automatic tuning instead (iSMK), over any bus; the drive changes its "
+                        "gains");
   command->add_flag("--store", options->store,
                     "Store the gains, and with them all parameters of the drive, in non-volatile memory");
   command->add_option("--plot", options->plot, "Write a Bode plot to this file (SVG)");
@@ -305,6 +311,11 @@ void add_tune(CLI::App& app) {
                    "Position units of the drive per motor revolution, if the drive does not report them (ISMC)")
       ->check(number_within(1e-3, 1e9));
   command->add_flag("--reset-fault", options->reset_fault, "Reset a fault first");
+  // The drive's own tuning always changes the gains, and has no measurement of this program.
+  for (const char* of_measurement :
+       {"--propose", "--bandwidth", "--torque", "--seconds", "--plot", "--units-per-revolution"}) {
+    itself->excludes(of_measurement);
+  }
 }
 
 }  // namespace servodrome::app

@@ -29,7 +29,7 @@ FileDescriptor open_socketcan(const std::string& interface_name) {
   FileDescriptor socket(::socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW));
   if (!socket.is_open()) {
     fail(interface_name, "this kernel does not support CAN sockets",
-         "load its modules (modprobe can can_raw) or use socketcand:127.0.0.1:29536/can0, which needs no kernel "
+         "load its modules (modprobe -a can can_raw) or use socketcand:127.0.0.1:29536/can0, which needs no kernel "
          "support");
   }
   const unsigned index = ::if_nametoindex(interface_name.c_str());

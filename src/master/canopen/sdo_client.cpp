@@ -18,7 +18,7 @@ std::string what_to_do(AbortCode code, bool from_node) {
   const char* remedy = remedy_of_failed_access(code, from_node);
   if (remedy != nullptr) return remedy;
   return "check the node-ID and the bit rate (`servodrome scan`), that the node is powered and not in NMT state "
-         "stopped, or give a longer --timeout";
+         "stopped, or give a longer --timeout (where it is the time for each answer)";
 }
 
 }  // namespace
@@ -139,7 +139,7 @@ std::vector<std::byte> SdoClient::upload(ObjectAddress object, SdoProtocol proto
     }
     if (second_answer_.take()) {
       throw ObjectError("two devices answer", where(),
-                        "give each device a node-ID of its own: switch one of them off, and use `servodrome lss`",
+                        "give each device a node-ID of its own: switch one of them off, and change that of the other",
                         false);
     }
     size_is_known_ = transfer.size_is_known();

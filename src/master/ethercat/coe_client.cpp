@@ -41,7 +41,7 @@ constexpr std::size_t largest_upload = std::size_t{64} << 20;
 
 constexpr const char* mailbox_remedy =
     "check with `servodrome scan` that it is in PREOP or above, stop any other master of the segment (two masters read "
-    "each other's answers), or give a longer --timeout";
+    "each other's answers), or give a longer --timeout (where it is the time for each answer)";
 
 Mail request_of(std::uint8_t command, ObjectAddress object) {
   Mail mail(coe_header_size + initiate_size);

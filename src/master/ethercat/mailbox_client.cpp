@@ -39,9 +39,11 @@ const char* text(ethercat::MailboxError error) {
 }  // namespace
 
 void MailboxClient::timed_out(const std::string& happened) const {
-  throw EthercatError(EthercatError::Kind::no_answer, happened, where(),
-                      "check that it is in PREOP or above (`servodrome scan`), stop any other master of the segment "
-                      "(two masters read each other's answers), and give a longer --timeout if it is busy");
+  throw EthercatError(
+      EthercatError::Kind::no_answer, happened, where(),
+      "check that it is in PREOP or above (`servodrome scan`), stop any other master of the segment "
+      "(two masters read each other's answers), or, if it is busy, give a longer --timeout (where it is the time "
+      "for each answer)");
 }
 
 bool MailboxClient::full(std::uint16_t number) {

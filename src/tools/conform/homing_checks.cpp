@@ -177,7 +177,8 @@ void not_attained_while_searching(Trial& trial, int) {
     told = moved && (word & bits.attained) != 0 && (word & status_bit::target_reached) != 0 &&
            std::abs(trial.velocity()) > unit.velocity * slow_search(trial) / 5.0;
   }
-  if (!moved && !told) Trial::skip("the axis did not move: its home switch may be active, or the method needs more");
+  if (!moved && !told)
+    Trial::skip("the axis did not move: its home switch may be active, or the method needs other settings");
   trial.expect(!told, "6098h = 19, 6040h = 001Fh, while the axis moves", "homing is not attained",
                told ? fmt::format("6041h = {:04X}h", trial.statusword()) : "not attained");
 }

@@ -125,8 +125,9 @@ bool answers(ObjectClient& objects, ObjectAddress address) {
   if (!answers(objects, written.front())) {
     throw LoadError(
         cause,
-        fmt::format("the drive does not answer any more; {} objects were written (not stored): {}; when it answers "
-                    "again, load the file again, or switch it off and on to return to the stored values",
+        fmt::format("the drive does not answer any more; {} objects were written: {}; when it answers again, load the "
+                    "file again; if the drive has a store command, it also returns to the stored values when it is "
+                    "switched off and on",
                     written.size(), text_of(written)),
         LoadError::Outcome::bus_lost, written, written);
   }

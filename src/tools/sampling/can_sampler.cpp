@@ -26,8 +26,8 @@ std::optional<std::string> use_by_others(Bus& bus, SdoClient& sdo) {
   if (!seen) return std::nullopt;
   switch (seen->by) {
     case UseOfPdos::By::sync: return "another master sends SYNC";
-    case UseOfPdos::By::pdo: return "its PDOs are in use";
-    case UseOfPdos::By::operational: return "it is operational";
+    case UseOfPdos::By::pdo: return "the drive's PDOs are in use";
+    case UseOfPdos::By::operational: return "the drive is operational";
   }
   return std::nullopt;
 }
@@ -58,14 +58,15 @@ std::unique_ptr<Sampler> open_can_sampler(Bus& bus, SdoClient& sdo, std::vector<
       throw MasterError("a CAN bus can be sampled up to 1000 times per second", sdo.where(), "give a lower rate");
     }
     if (const auto used = use_by_others(bus, sdo)) {
-      reason = fmt::format("read by SDO, in order not to disturb another master: {}", *used);
+      reason = fmt::format("the channels are read by SDO, in order not to disturb another master: {}", *used);
     } else {
       try {
         const auto [cycle, cycles] = cycles_of(options.period.value_or(usual_sync_period), longest_sync_period);
         return make_process_data_sampler(std::make_unique<CanSession>(bus, sdo, channels, cycle), channels, cycles,
                                          "TPDOs on SYNC");
       } catch (const MasterError& error) {
-        reason = fmt::format("read by SDO, because their TPDOs could not be set up: {}", error.happened());
+        reason =
+            fmt::format("the channels are read by SDO, because their TPDOs could not be set up: {}", error.happened());
       }
     }
   }

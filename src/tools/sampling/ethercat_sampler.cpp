@@ -168,11 +168,13 @@ std::unique_ptr<Sampler> open_ethercat_sampler(EthercatMaster& master, std::span
   const AlState state = slave.status().state();
   const bool is_used = state == AlState::operational || state == AlState::safe_operational;
   if (is_used && options.moves) {
-    throw MasterError("it is operational already: another master has it", slave.where(),
+    throw MasterError("it is in SAFEOP or OP already: another master has it", slave.where(),
                       "leave the motion to that master, and record without it");
   }
   std::string reason;
-  if (is_used) reason = "read by SDO, in order not to disturb another master: the slave is operational";
+  if (is_used) {
+    reason = "the channels are read by SDO, in order not to disturb another master: the slave is in SAFEOP or OP";
+  }
   if (!is_used && !options.polls) {
     if (options.period && *options.period < shortest_cycle) {
       throw MasterError("EtherCAT can be sampled up to 4000 times per second", slave.where(), "give a lower rate");
@@ -184,7 +186,8 @@ std::unique_ptr<Sampler> open_ethercat_sampler(EthercatMaster& master, std::span
                                        options.moves ? "process data in OP" : "process data in SAFEOP");
     } catch (const CoeError& error) {
       if (!error.from_slave()) throw;
-      reason = fmt::format("read by SDO, because they cannot be mapped as process data: {}", error.what());
+      reason =
+          fmt::format("the channels are read by SDO, because they cannot be mapped as process data: {}", error.what());
     }
   }
   std::unique_ptr<Session> session;

@@ -365,8 +365,8 @@ class Parser {
       throw LineMistake{word.column, "there are touch probes 1 and 2"};
     }
     if (const auto method = step.number("method");
-        method && (*method != std::floor(*method) || std::abs(*method) > 127)) {
-      throw LineMistake{word.column, "a homing method is a whole number from -127 to 127"};
+        method && (*method != std::floor(*method) || *method < -128 || *method > 127)) {
+      throw LineMistake{word.column, "a homing method is a whole number from -128 to 127"};
     }
   }
 

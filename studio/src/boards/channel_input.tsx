@@ -37,7 +37,7 @@ export function ChannelInput({ label, value, first, onlyWritable = false, onChan
       <Choice label={`Axis of ${label.toLowerCase()}`} value={axis} options={order.map((each) => [each, each] as const)} onChange={(to) => tell(to, what)} />
       <label className="field">
         <span>{label}</span>
-        <input className="input" list={listId} value={what} autoComplete="off" placeholder={onlyWritable ? '6083:00' : 'velocity_rpm, 6064:00'} onChange={(event) => tell(axis, event.target.value)} />
+        <input className="input" list={listId} value={what} autoComplete="off" placeholder={onlyWritable ? '6083:00' : 'position_counts, 6064:00'} onChange={(event) => tell(axis, event.target.value)} />
       </label>
       <datalist id={listId}>
         {!onlyWritable && signals.map((signal) => <option key={signal} value={signal} />)}

@@ -104,7 +104,7 @@ function Paper({ facts, guide, differences }: { facts: Facts; guide: Guide; diff
           {scale && <p>One revolution of the motor: {figure(scale.user.position, 4)} {scale.unit.position}, {figure(scale.drive.position, 0)} units of 6064h.</p>}
         </Section>
         <Section title="Direction and encoder">
-          {moved ? <p>Commanded {positionText(facts, moved.asked)}, 6064h moved by {positionText(facts, moved.drive)}{moved.shaft === null ? '' : `, the true shaft by ${positionText(facts, moved.shaft)}`}. The machine moved {found('direction').way === 'right' ? 'the right way' : found('direction').way === 'wrong' ? 'the wrong way' : 'a way that nobody confirmed'}.</p> : <p>Not tried.</p>}
+          {moved ? <p>Commanded {positionText(facts, moved.asked)}, 6064h moved by {positionText(facts, moved.drive)}{moved.shaft === null ? '' : `, the true shaft by ${positionText(facts, moved.shaft)}`}. The machine moved {found('direction').way === 'right' ? 'the right way' : found('direction').way === 'wrong' ? 'the wrong way' : 'in a direction that was not confirmed'}.</p> : <p>Not tried.</p>}
         </Section>
       </div>
 

@@ -96,7 +96,7 @@ const cyclicVelocity = 9;
 const stepOfVelocity: Motion = {
   id: 'step',
   label: 'Measure a step',
-  says: 'The axis runs at the step\'s velocity for the given time, then stands; before it the axis is disabled and enabled. Without cyclic synchronous velocity the job makes the ramps 6083h and 6084h steep meanwhile and restores them.',
+  says: 'The axis is disabled and enabled, then runs at the step\'s velocity for the given time, then stands. If the drive has no cyclic synchronous velocity, the job makes the ramps 6083h and 6084h steep meanwhile and restores them.',
   begins: ['disable', 'enable'], // without the torque that friction holds from the motion before
   commands: ['6040:00', '6060:00', '60FF:00'],
   mode: () => 3,
@@ -165,7 +165,7 @@ export function noGains(facts: Facts): string {
   const reason = gains.length === 0
     ? `The manual of ${facts.axis.product} documents no gains: there are none to write.`
     : `The gains of ${facts.axis.product} are no objects on its bus: set them on the drive itself.`;
-  return `${reason} The loop can be measured.`;
+  return `${reason} A step can be measured.`;
 }
 
 // 607Dh by the names of its sub-indices, since makers exchange them.
@@ -337,7 +337,7 @@ export const steps: Step[] = [
       { key: 'seconds', label: 'Duration of the step', unit: 's', usual: 0.2, minimum: 0.02, maximum: 2 },
       { key: 'travel', label: 'Travel of the measurement', unit: 'motor rev', usual: 3, minimum: 0.5, maximum: 1000 },
       { key: 'percent', label: 'Torque limit of the measurement', unit: '% of rated', usual: 60, minimum: 1, maximum: 300 },
-      { key: 'bandwidth', label: 'Target bandwidth (blank: 60 % of the maximum)', unit: 'Hz', usual: NaN, minimum: 1, maximum: 1000, mayBeEmpty: true },
+      { key: 'bandwidth', label: 'Target bandwidth (blank: at least 60 % of maximum)', unit: 'Hz', usual: NaN, minimum: 1, maximum: 1000, mayBeEmpty: true },
       ...gainFields(facts, false),
     ],
     lacks: lacksScale,
@@ -360,7 +360,7 @@ export const steps: Step[] = [
   },
   {
     id: 'homing', title: 'Homing', view: 'homing', reads: ['607C:00', '6064:00'],
-    why: 'Homing gives the position its zero. The drawing shows the way of the method over this machine\'s switches.',
+    why: 'Homing gives the position its zero. The drawing shows the path of the method over the switches.',
     fields: homingFields,
     lacks: (facts) => lacksScale(facts) || (facts.homing && facts.homing.methods.every(({ supported }) => !supported) ? `${facts.axis.product} has no homing method.` : ''),
     motions: [{
@@ -381,7 +381,7 @@ export const steps: Step[] = [
   },
   {
     id: 'cycle', title: 'First cycle', view: 'response', reads: [],
-    why: 'There and back at working speed: the first cycle of the machine. The recorded way there is what the report states.',
+    why: 'There and back at working speed: the first cycle of the machine. The report shows the recorded move there.',
     fields: (facts) => [
       { key: 'distance', label: 'Distance', kind: 'position', usual: 2, least: leastOfMeasurement(facts) },
       ...profile(within(facts, 'velocity', 5), within(facts, 'acceleration', 50)),

@@ -43,7 +43,7 @@ function BusScan({ bus }: { bus: string }) {
       {found && found.length > 0 && (
         <Scroll label={`Devices on ${bus}`}>
           <table className="table" aria-label={`Devices on ${bus}`}>
-            <thead><tr><th scope="col">node or position</th><th scope="col" className="wide">device</th><th scope="col" className="wide">axis</th></tr></thead>
+            <thead><tr><th scope="col">node, position or station</th><th scope="col" className="wide">device</th><th scope="col" className="wide">axis</th></tr></thead>
             <tbody>
               {found.map(({ address, name, kind, product, axis }) => (
                 <tr key={address}>
@@ -69,7 +69,7 @@ export function FindView({ facts }: ViewProps) {
     <>
     <Scroll label="Drives">
       <table className="table" aria-label={kind === 'real' ? 'Drives that the studio found' : 'Drives of this line'}>
-        <thead><tr><th scope="col">axis</th><th scope="col" className="wide">product</th><th scope="col" className="wide">bus</th><th scope="col" className="wide">node or position</th><th scope="col" className="wide">state</th></tr></thead>
+        <thead><tr><th scope="col">axis</th><th scope="col" className="wide">product</th><th scope="col" className="wide">bus</th><th scope="col" className="wide">node, position or station</th><th scope="col" className="wide">state</th></tr></thead>
         <tbody>
           {order.map((name) => {
             const each = axes[name];
@@ -111,7 +111,7 @@ export function UnitsView({ facts, guide }: ViewProps) {
       <div className="form guide-form">
         <Choice label="Machine" value={machine} options={machines} onChange={(to) => set({ machine: to })} />
         {machine === 'spindle' && <NumberInput label="Lead of the spindle" unit="mm" value={mechanics.feed_mm} minimum={0.001} maximum={10000} onChange={(feed_mm) => set({ feed_mm })} />}
-        {machine === 'belt' && <NumberInput label="Way of one revolution of the pulley" unit="mm" value={mechanics.feed_mm} minimum={0.001} maximum={10000} onChange={(feed_mm) => set({ feed_mm })} />}
+        {machine === 'belt' && <NumberInput label="Travel per turn of pulley or pinion" unit="mm" value={mechanics.feed_mm} minimum={0.001} maximum={10000} onChange={(feed_mm) => set({ feed_mm })} />}
         <NumberInput label="Gear: revolutions of the motor" value={mechanics.motor_turns} minimum={0.001} maximum={100000} onChange={(motor_turns) => set({ motor_turns })} />
         <NumberInput label="for revolutions of the load" value={mechanics.load_turns} minimum={0.001} maximum={100000} onChange={(load_turns) => set({ load_turns })} />
         {unknown && <NumberInput label="Units of 6064h per motor revolution" value={mechanics.units_per_turn ?? NaN} minimum={1} maximum={1e9} onChange={(units_per_turn) => set({ units_per_turn })} />}

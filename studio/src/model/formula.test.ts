@@ -80,7 +80,7 @@ test('math channels survive the address', () => {
 
 test('a name of a math channel', () => {
   expect(nameProblem(' ', [])).toBe('Enter a name.');
-  expect(nameProblem('a=b', [])).toMatch(/no "="/);
+  expect(nameProblem('a=b', [])).toMatch(/not contain "="/);
   expect(nameProblem('slip ', ['slip'])).toBe('This name is taken.');
   expect(nameProblem('slip', ['x'])).toBeUndefined();
 });

@@ -260,6 +260,6 @@ export const textOfMaths = (maths: MathChannel[]) => maths.map(({ name, formula 
 // The reason why a math channel cannot have this name; undefined: it can.
 export function nameProblem(name: string, taken: string[]): string | undefined {
   if (name.trim() === '') return 'Enter a name.';
-  if (/[=;,]/.test(name)) return 'A name has no "=", ";" and ",".';
+  if (/[=;,]/.test(name)) return 'A name must not contain "=", ";" or ",".';
   return taken.includes(name.trim()) ? 'This name is taken.' : undefined;
 }

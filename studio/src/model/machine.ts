@@ -47,7 +47,7 @@ const inState: Record<StateFilter, (axis: AxisView) => boolean> = {
   ready: ({ powered, state }) => powered && state !== 'operation enabled',
   moving: ({ in_motion }) => in_motion === true,
   fault: ({ powered, state }) => powered && isFault(state),
-  off: ({ powered }) => !powered,
+  off: ({ powered, problem }) => !powered && problem === undefined,
   silent: ({ problem }) => problem !== undefined,
 };
 

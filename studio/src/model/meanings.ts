@@ -23,18 +23,18 @@ const manualOf = (product: string) => manuals.find(({ of }) => of.test(product))
 
 export const stateMeanings: Record<State, string> = {
   'not ready to switch on': 'The drive initialises itself. It has no torque and takes no commands; it leaves this state by itself.',
-  'switch on disabled': 'The drive can be configured. It has no torque, and the main voltage may be off. Shutdown (transition 2) leads on.',
-  'ready to switch on': 'The main voltage may be applied. The drive has no torque. Switch on (transition 3) leads on.',
-  'switched on': 'The main voltage is there and the power stage is ready. The drive has no torque. Enable operation (transition 4) leads on.',
+  'switch on disabled': 'The drive can be configured. It has no torque, and the main voltage may be off. Shutdown (transition 2) leads to Ready to switch on.',
+  'ready to switch on': 'The main voltage may be applied. The drive has no torque. Switch on (transition 3) leads to Switched on.',
+  'switched on': 'The main voltage is there and the power stage is ready. The drive has no torque. Enable operation (transition 4) leads to Operation enabled.',
   'operation enabled': 'The power stage is on: the motor has torque and obeys the mode of operation.',
-  'quick stop active': 'The quick stop was commanded: the axis brakes as 605Ah says, or stands held. The power stage is on.',
+  'quick stop active': 'The quick stop was commanded: the axis brakes as 605Ah says, or is held at rest. The power stage is on.',
   'fault reaction active': 'The drive has found a fault and brakes as 605Eh says. It goes to Fault by itself.',
-  fault: 'The power stage is off. Fault reset, the rising edge of controlword bit 7, leads on when the cause is gone.',
+  fault: 'The power stage is off. Fault reset, the rising edge of controlword bit 7, leads to Switch on disabled when the cause is gone.',
 };
 
 // States that are different on a product.
 const ownStates: [RegExp, State, string][] = [
-  [/^jmc/, 'switched on', 'The power stage is on and the brake is open: the motor holds its position. Enable operation (transition 4) leads on.'],
+  [/^jmc/, 'switched on', 'The power stage is on and the brake is open: the motor holds its position. Enable operation (transition 4) leads to Operation enabled.'],
 ];
 
 export const stateTip = (state: string, product: string) => {
@@ -54,13 +54,13 @@ const neutral: Meanings = {
 };
 
 export const statusMeanings: Meanings = {
-  'ready to switch on': { text: 'State of the drive, with bits 1 to 3, 5 and 6: 1 from Ready to switch on upwards.', standard: '0' },
-  'switched on': { text: 'State of the drive: 1 from Switched on upwards.', standard: '1' },
-  'operation enabled': { text: 'State of the drive: 1 in Operation enabled, Quick stop active and Fault reaction active.', standard: '2' },
+  'ready to switch on': { text: 'State of the drive, with bits 1 to 3, 5 and 6. CiA 402: 1 in Ready to switch on, Switched on, Operation enabled, Quick stop active and Fault reaction active.', standard: '0' },
+  'switched on': { text: 'State of the drive. CiA 402: 1 in Switched on, Operation enabled, Quick stop active and Fault reaction active.', standard: '1' },
+  'operation enabled': { text: 'State of the drive. CiA 402: 1 in Operation enabled, Quick stop active and Fault reaction active.', standard: '2' },
   fault: { text: 'The drive is in Fault or Fault reaction active.', standard: '3' },
   'voltage enabled': { text: 'High voltage is applied to the power stage.', standard: '4' },
   'no quick stop': { text: '0: the drive reacts to a quick stop. 1: no quick stop.', standard: '5' },
-  'switch on disabled': { text: 'The drive is in Switch on disabled.', standard: '6' },
+  'switch on disabled': { text: 'State of the drive. CiA 402: 1 in Switch on disabled.', standard: '6' },
   warning: { text: 'A warning is present: the state does not change.', standard: '7' },
   remote: { text: 'The drive obeys the controlword. 0: it is operated locally.', standard: '9' },
   'target reached': { text: 'The target is reached. After halt or quick stop: the axis stands.', standard: '10' },

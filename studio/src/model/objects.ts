@@ -76,7 +76,7 @@ const isCanId = ({ name, type }: Typed) => type === 'UNSIGNED32' && /\bCOB-?ID\b
 
 export function showValue(value: ObjectValue | undefined, entry?: Typed): string {
   if (entry && isCanId(entry) && typeof value === 'number') return hexValue(entry, value);
-  return value === undefined ? '' : value === null ? 'not a number' : String(value);
+  return value === undefined ? '' : value === null ? 'no value' : String(value);
 }
 
 export function hexValue(entry: Pick<ObjectEntry, 'type'>, value: ObjectValue | undefined): string {

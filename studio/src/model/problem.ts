@@ -9,7 +9,7 @@ const advice: [RegExp, string][] = [
   [/^the axis has a job/, 'wait until the job has ended, or cancel it on the Axis page'],
   [/an injected fault holds/, 'remove the injected fault on the page "I/O and plant"'],
   [/has no power$/, 'switch its power on'],
-  [/^the drive has no object/, 'choose an object of the list, or add its length in bits, for example 607A:00/32'],
+  [/^the drive has no object/, 'choose another object; to map one that is not listed, add its length in bits, for example 607A:00/32'],
   [/^the recording has not ended/, 'wait until it has ended, or stop it'],
   [/^(load|supply|thermal)\.\w+: .* is not within/, 'enter a number of this range'],
   [/^no memory is left for another recording/, 'stop or delete a recording'],

@@ -54,6 +54,9 @@ export function setupOf(query: URLSearchParams, firstAxis: string, second = 'vel
   };
 }
 
+// The longest pre-trigger time: the server requires at least one sample that is not before the trigger.
+export const longestBefore = (duration_ms: number, rate_hz: number) => Math.max(0, duration_ms - 1000 / rate_hz);
+
 export function queryOf({ channels, rate_hz, duration_ms, pre_ms, trigger }: Setup): Record<string, string | null> {
   return {
     ch: channels.map(textOfChannel).join(','),

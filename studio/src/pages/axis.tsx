@@ -135,14 +135,14 @@ function Motion({ axis }: { axis: AxisView }) {
     <Panel title="Motion" aside={<span className="quiet">{[axis.product, modeText(axis.mode, words)].filter(Boolean).join(', ')}</span>}>
       <Travel axis={axis} geometry={geometry} ghost={ghost} />
       <dl className="readouts">
-        <Readout label={positionLabel} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 4), unit: 'rev' })} title={`${axis.position_counts} counts`} />
+        <Readout label={positionLabel} {...(turns === null ? { value: fixed(axis.position_counts, 0), unit: unitOf(axis) } : { value: fixed(turns, 4), unit: 'rev' })} title={`${axis.position_counts} ${unitOf(axis)}`} />
         {axis.position_actual !== undefined && <Readout label="drive's position (6064h)" value={units?.position_per_revolution ? fixed(fromDrivePosition(units, axis.position_actual), 4) : fixed(axis.position_actual, 0)} unit={units?.position_per_revolution ? 'rev' : 'units'} title={`${axis.position_actual} units of the drive`} />}
         <Speed axis={axis} />
         <Torque axis={axis} />
         {axis.current_a !== null && <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />}
       </dl>
       {axis.position_actual !== undefined && (
-        <p className="quiet note">The true position is that of the simulated shaft from its start; 6064h counts from the drive's zero, which homing sets. Targets are positions of 6064h.</p>
+        <p className="quiet note">The true position is that of the simulated shaft; 6064h counts from the drive's zero, which homing sets. Targets are positions of 6064h.</p>
       )}
       {axis.watch === null && (
         <p className="warning" role="note">The drive does not monitor this connection: if the program ends or the cable fails while the axis moves, the axis keeps moving. Keep the emergency stop within reach.</p>

@@ -26,7 +26,9 @@ export function FaultsPage() {
         title="Active"
         aside={hasFault && <ClearFault name={name} />}
       >
-        {active.length === 0 ? (
+        {!value ? (
+          <p className="empty">Not read yet.</p>
+        ) : active.length === 0 ? (
           <p className="empty">{hasFault ? 'The cause is gone: the fault can be cleared.' : 'No fault.'}</p>
         ) : (
           <ul className="faults">
@@ -62,11 +64,13 @@ export function FaultsPage() {
         )}
       </Panel>
       <Panel title="History">
-        {(value?.history.length ?? 0) === 0 ? (
+        {!value ? (
+          <p className="empty">Not read yet.</p>
+        ) : value.history.length === 0 ? (
           <p className="empty">The drive reports an empty fault history.</p>
         ) : (
           <ol className="faults">
-            {value?.history.map((fault, i) => (
+            {value.history.map((fault, i) => (
               <li key={i}>
                 <FaultText fault={fault} />
                 <p className="quiet">{conditions(fault)}</p>

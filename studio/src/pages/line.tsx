@@ -118,7 +118,7 @@ const AxisCard = memo(function AxisCard({ name }: { name: string }) {
         <Travel axis={axis} geometry={geometry} />
       </div>
       <dl className="readouts">
-        <Readout label={positionLabel} title={`${fixed(axis.position_counts, 0)} counts`} {...positionOf(axis, geometry)} />
+        <Readout label={positionLabel} title={`${fixed(axis.position_counts, 0)} ${unitOf(axis)}`} {...positionOf(axis, geometry)} />
         <Speed axis={axis} />
         <Torque axis={axis} />
         {axis.current_a !== null && <Readout label="current" value={fixed(axis.current_a, 2)} unit="A" />}

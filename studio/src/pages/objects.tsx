@@ -26,7 +26,7 @@ export function ObjectsPage() {
     <>
       <AxisTabs page="objects" name={name} />
       <Views label="Views of the objects" views={views} />
-      {!powered && <p className="empty">The drive has no power: its objects cannot be read.</p>}
+      {!powered && <p className="empty">The drive has no power or does not answer: its objects cannot be read.</p>}
       {view === 'parameters' ? (
         <ParametersView name={name} />
       ) : view === 'pdos' ? (

@@ -29,7 +29,7 @@ export function TuningPage() {
   return (
     <>
       <AxisTabs page="tuning" name={name} />
-      {!powered && <p className="empty">The drive has no power: switch it on to tune it.</p>}
+      {!powered && <p className="empty">The drive has no power or does not answer: it cannot be tuned.</p>}
       <Trouble problem={problem} />
       {powered && gains && objects && (
         <div className="column">
@@ -84,7 +84,7 @@ function Tune({ axis, gains, missing, job }: { axis: string; gains: Gains; missi
             for the target bandwidth. The axis is disabled at the end. If the new gains do not reach the predicted result, the old gains are restored.
           </p>
           <div className="form">
-            <NumberInput mayBeEmpty label="Target bandwidth (blank: 60 % of the maximum)" unit="Hz" value={bandwidth} minimum={1} maximum={1000} onChange={setBandwidth} />
+            <NumberInput mayBeEmpty label="Target bandwidth (blank: at least 60 % of maximum)" unit="Hz" value={bandwidth} minimum={1} maximum={1000} onChange={setBandwidth} />
             <NumberInput label="Maximum forward travel" unit="rev" value={travel} minimum={0.5} maximum={1000} onChange={setTravel} />
             <NumberInput label="Torque limit" unit={`% of ${gains.full_torque}`} value={torque} minimum={1} maximum={300} onChange={setTorque} />
             <NumberInput label="Duration of each measurement" unit="s" value={seconds} minimum={4} maximum={600} onChange={setSeconds} />

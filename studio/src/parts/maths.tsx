@@ -18,7 +18,7 @@ export function Maths({ channels }: { channels: ChannelRequest[] }) {
   const problemId = useId();
   const found = formulaOf(formula, channels.length);
   const wrongName = nameProblem(name, maths.map((each) => each.name));
-  const wrongFormula = typeof found === 'function' ? (formula.includes(';') ? 'A formula has no ";".' : undefined) : `${found.problem}${formula === '' ? '' : `, at character ${found.at + 1}`}`;
+  const wrongFormula = typeof found === 'function' ? (formula.includes(';') ? 'A formula must not contain ";".' : undefined) : `${found.problem}${formula === '' ? '' : `, at character ${found.at + 1}`}`;
   const isShown = formula !== '' || asked;
   const add = () => {
     setAsked(true);

@@ -12,9 +12,9 @@ export class Mishap extends Component<{ children: ReactNode }, { error: Error | 
     const { error } = this.state;
     if (!error) return this.props.children;
     return (
-      <section className="panel" aria-label="This page has failed">
+      <section className="panel" aria-label="This part of the page has failed">
         <p className="trouble" role="alert">
-          <strong>This page has failed</strong> · {error.message}
+          <strong>This part of the page has failed</strong> · {error.message}
           <span className="hint">The drives are not affected. STOP and the other pages still work.</span>
         </p>
         <button type="button" className="button" onClick={() => this.setState({ error: null })}>Try again</button>

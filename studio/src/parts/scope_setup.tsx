@@ -3,7 +3,7 @@ import type { BusView, ObjectEntry, Trigger } from '../api/types';
 import { axisPath } from '../commands';
 import { states } from '../model/cia402';
 import { addressOf, isReadable } from '../model/objects';
-import { any, axisOf, mostChannels, objectOf, ofAllAxes, textOfChannel, without, type Setup } from '../model/scope';
+import { any, axisOf, longestBefore, mostChannels, objectOf, ofAllAxes, textOfChannel, without, type Setup } from '../model/scope';
 import { ratesOf } from '../model/sampling';
 import { useResource } from '../resource';
 import { useLine, useMissing } from '../store';
@@ -34,9 +34,9 @@ export function ScopeSetup({ setup, onChange }: { setup: Setup; onChange: (to: S
       </ul>
       {channels.length < mostChannels && <AddChannel setup={setup} onChange={onChange} />}
       <div className="form">
-        <Choice label="Rate" value={setup.rate_hz} options={offered.map((rate) => [rate, `${rate} Hz`] as const)} onChange={(rate_hz) => onChange({ ...setup, rate_hz })} />
-        <NumberInput whenLeft label="Duration" unit="ms" value={setup.duration_ms} minimum={1} maximum={600000} onChange={(duration_ms) => onChange({ ...setup, duration_ms, pre_ms: Math.min(setup.pre_ms, duration_ms) })} />
-        <NumberInput whenLeft label="Pre-trigger time" unit="ms" value={setup.pre_ms} minimum={0} maximum={setup.duration_ms} isDisabled={isImmediate} hint={isImmediate ? 'none: an immediate recording begins at once' : undefined} onChange={(pre_ms) => onChange({ ...setup, pre_ms })} />
+        <Choice label="Rate" value={setup.rate_hz} options={offered.map((rate) => [rate, `${rate} Hz`] as const)} onChange={(rate_hz) => onChange({ ...setup, rate_hz, pre_ms: Math.min(setup.pre_ms, longestBefore(setup.duration_ms, rate_hz)) })} />
+        <NumberInput whenLeft label="Duration" unit="ms" value={setup.duration_ms} minimum={1} maximum={600000} onChange={(duration_ms) => onChange({ ...setup, duration_ms, pre_ms: Math.min(setup.pre_ms, longestBefore(duration_ms, setup.rate_hz)) })} />
+        <NumberInput whenLeft label="Pre-trigger time" unit="ms" value={setup.pre_ms} minimum={0} maximum={longestBefore(setup.duration_ms, setup.rate_hz)} isDisabled={isImmediate} hint={isImmediate ? 'none: an immediate recording begins at once' : undefined} onChange={(pre_ms) => onChange({ ...setup, pre_ms })} />
         <TriggerFields setup={setup} onChange={onChange} />
       </div>
     </Panel>

@@ -12,9 +12,9 @@ interface Stop {
 }
 
 const stops: Stop[] = [
-  { at: '.top nav a[href="/"]', title: 'Line', text: 'A card for each axis: where it is, its state, and the usual commands. Below, the buses.' },
+  { at: '.top nav a[href="/"]', title: 'Line', text: 'A card or row for each axis: where it is, its state, and the usual commands. Below, the buses.' },
   { at: '.button.stop', title: 'STOP', text: 'Quick stop of all axes, from every page. On the keyboard: Ctrl and space.' },
-  { at: '.top nav a[href^="/axis"]', title: 'Axis', text: 'Moves, jogging and homing, the state machine, and both words bit by bit. Point at a bit or a state to see what the standard says.' },
+  { at: '.top nav a[href^="/axis"]', title: 'Axis', text: 'Moves, jogging and homing, the state machine, controlword and statusword bit by bit. Point at a bit or a state to see what the standard says.' },
   { at: '.top nav a[href^="/commission"]', title: 'Commission', text: 'A new axis step by step, from its identity to its first cycle, with a report. Everything is shown before it is written, and can be undone.' },
   { at: '.top nav a[href^="/scope"]', title: 'Scope', text: 'Curves of any object up to 16 kHz, with trigger, cursors and Bode plot.' },
   { at: '.top nav a[href^="/faults"]', title: 'Faults', text: 'Active faults with causes and remedies, and the half second before each one.' },

@@ -79,6 +79,7 @@ def test_the_clone_of_a_clone_is_the_same(start_line, tmp_path):
     for file in files:
         file.parent.mkdir()
     link = first.links["ecat"][0]
+    assert "--eds is for CAN" in servodrome("clone", "--bus", link, "-o", files[0], "--eds", "a.eds", status=2)
     report = json.loads(servodrome("clone", "--bus", link, "-o", files[0], "--json", "--timeout", 10))
     assert report["values"] > 100 and not report["unread"]
     first.stop()

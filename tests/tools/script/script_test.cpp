@@ -74,6 +74,7 @@ TEST(ScriptMistake, IsToldWithFileLineAndColumn) {
       {"move to 1 to 2", "a.script:1:11: `to` is given twice"},
       {"move to 1 velocity -3", "a.script:1:20: `velocity` cannot be below 0"},
       {"home method 2.5", "a.script:1:1: a homing method is a whole number"},
+      {"home method -129", "a.script:1:1: a homing method is a whole number from -128 to 127"},
       {"enable now", "a.script:1:8: unexpected word \"now\""},
       {"lift enable", "a.script:1:1: \"lift\" is neither a command nor an axis"},
       {"axis lift 1\nlift wait 3", "a.script:2:6: `wait` cannot have an axis before it"},
