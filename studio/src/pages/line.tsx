@@ -9,6 +9,7 @@ import { StateChip } from '../parts/state';
 import { Travel, useGeometry } from '../parts/travel';
 import { hex, isFault, manufacturerSpecific, modeSpecific, modeText, statusBits } from '../model/cia402';
 import { coupledWith, describe, filterOf, fitting, manyAxes, pairsOf, stateFilters, type StateFilter } from '../model/machine';
+import { hasPowerStage } from '../model/motion_objects';
 import { fixed } from '../model/units';
 import { attempt } from '../notices';
 import { useResource } from '../resource';
@@ -176,7 +177,7 @@ export function ClearFault({ name }: { name: string }) {
 // The usual commands that the axis's state permits.
 export function Commands({ axis }: { axis: AxisView }) {
   const { name, state } = axis;
-  if (axis.problem) return <span className="quiet">no answer</span>;
+  if (axis.problem) return null; // the state says it
   if (!axis.powered) return <Button onPress={() => attempt(() => power(name, 'on'))}>Power on</Button>;
   if (isFault(state)) return <ClearFault name={name} />;
   if (state === 'operation enabled' || state === 'quick stop active') {
@@ -187,10 +188,17 @@ export function Commands({ axis }: { axis: AxisView }) {
       </>
     );
   }
-  return <Button onPress={() => void runJob(name, { do: 'enable' })}>Enable</Button>;
+  return (
+    <>
+      <Button onPress={() => void runJob(name, { do: 'enable' })}>Enable</Button>
+      {hasPowerStage(state) && <HaltButton onHalt={() => void runJob(name, { do: 'disable' })}>Disable</HaltButton>}
+    </>
+  );
 }
 
+// A bus of drives on real buses counts accesses to objects in place of frames.
 function Buses() {
+  const isReal = useLine(({ line }) => line?.kind === 'real');
   const buses = useResource<{ buses: BusView[] }>('/buses', 1000).value?.buses ?? [];
   const count = (bus: BusView, keys: string[]) => fixed(keys.reduce((sum, key) => sum + (Number(bus[key]) || 0), 0), 0);
   return (
@@ -200,7 +208,7 @@ function Buses() {
           <thead>
             <tr>
               <th scope="col">bus</th><th scope="col" className="wide">kind</th><th scope="col">kbit/s</th><th scope="col">load</th>
-              <th scope="col">frames</th><th scope="col">errors</th><th scope="col">lost</th><th scope="col">clients</th>
+              <th scope="col">{isReal ? 'accesses' : 'frames'}</th><th scope="col">errors</th><th scope="col">lost</th><th scope="col">clients</th>
             </tr>
           </thead>
           <tbody>
@@ -210,7 +218,7 @@ function Buses() {
                 <td className="text">{{ can: 'CAN', ethercat: 'EtherCAT', rs485: 'RS485' }[bus.type]}</td>
                 <td>{bus.bit_rate ? fixed(bus.bit_rate / 1000, bus.bit_rate % 1000 ? 1 : 0) : bus.type === 'ethercat' ? '100\u2009000' : '–'}</td>
                 <td>{bus.load_percent === undefined ? '–' : <Load percent={bus.load_percent} />}</td>
-                <td>{count(bus, bus.type === 'rs485' ? ['characters'] : ['frames'])}</td>
+                <td>{count(bus, ['frames', 'characters'])}</td>
                 <td className={['errors', 'malformed', 'collisions'].some((key) => bus[key]) ? 'bad' : ''}>{count(bus, ['errors', 'malformed', 'collisions'])}</td>
                 <td>{count(bus, ['dropped', 'lost', 'disturbed'])}</td>
                 <td>{bus.links.reduce((sum, { clients }) => sum + clients, 0)}</td>
