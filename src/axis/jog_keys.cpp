@@ -50,17 +50,14 @@ void JogKeys::feed(std::string_view characters, links::Time now) {
 }
 
 std::int32_t JogKeys::speed() const {
-  const double wanted = std::round(std::ldexp(velocity_, doublings_));
-  return static_cast<std::int32_t>(std::clamp(wanted, static_cast<double>(std::numeric_limits<std::int32_t>::min()),
-                                              static_cast<double>(std::numeric_limits<std::int32_t>::max())));
+  const double wanted = std::round(std::ldexp(std::abs(static_cast<double>(velocity_)), doublings_));
+  return static_cast<std::int32_t>(std::min(wanted, static_cast<double>(std::numeric_limits<std::int32_t>::max())));
 }
 
 std::optional<std::int32_t> JogKeys::velocity(links::Time now) const {
   if (ended_) return std::nullopt;
   if (direction_ == 0 || now - last_ >= hold_) return 0;
-  // INT32_MIN has no negative counterpart, so the magnitude is limited to INT32_MAX.
-  const std::int32_t magnitude = std::max(speed(), -std::numeric_limits<std::int32_t>::max());
-  return direction_ * magnitude;
+  return direction_ * speed();
 }
 
 }  // namespace servodrome::master

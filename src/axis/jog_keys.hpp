@@ -16,6 +16,7 @@ namespace servodrome::master {
 // times. Space or any other key stops. q, Escape, Ctrl-C or Ctrl-D ends.
 class JogKeys {
  public:
+  // `velocity`: in the drive's units. Its sign is ignored, because the keys select the direction.
   explicit JogKeys(std::int32_t velocity, links::Time hold = std::chrono::milliseconds(600))
       : velocity_(velocity), hold_(hold) {}
 
@@ -23,7 +24,7 @@ class JogKeys {
   void feed(std::string_view characters, links::Time now);
   // In the drive's units; nullopt: the user has ended the jog.
   std::optional<std::int32_t> velocity(links::Time now) const;
-  // Velocity while a key is held, in the drive's units.
+  // Magnitude of the velocity while a key is held, in the drive's units.
   std::int32_t speed() const;
 
  private:

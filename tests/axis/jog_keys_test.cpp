@@ -38,6 +38,14 @@ TEST(JogKeys, UpAndDownChangeTheVelocityWithinBounds) {
   EXPECT_EQ(keys.speed(), 6);
 }
 
+TEST(JogKeys, TheKeysSelectTheDirectionWhateverTheSignOfTheVelocity) {
+  JogKeys keys(-1000, 600ms);
+  keys.feed("\x1b[C", 0ms);  // right
+  EXPECT_EQ(keys.velocity(0ms), 1000);
+  keys.feed("\x1b[D", 1ms);  // left
+  EXPECT_EQ(keys.velocity(1ms), -1000);
+}
+
 TEST(JogKeys, EndsOnSeveralKeysAndForGood) {
   for (const char* end : {"q", "\x03", "\x04", "\x1b"}) {
     JogKeys keys(1, 600ms);
@@ -52,7 +60,7 @@ TEST(JogKeys, EndsOnSeveralKeysAndForGood) {
 TEST(JogKeys, NoVelocityOverflows) {
   JogKeys keys(std::numeric_limits<std::int32_t>::min(), 600ms);
   keys.feed("-kkkk", 0ms);
-  EXPECT_EQ(keys.velocity(0ms), std::numeric_limits<std::int32_t>::max());
+  EXPECT_EQ(keys.velocity(0ms), -std::numeric_limits<std::int32_t>::max());
   keys.feed("\x1b[Z", 1ms);  // another function key stops
   EXPECT_EQ(keys.velocity(1ms), 0);
 }

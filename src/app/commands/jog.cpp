@@ -1,7 +1,5 @@
 // `jog` and `torque`: motions that last as long as the user wants.
-#include <cstdlib>
 #include <fmt/format.h>
-#include <limits>
 
 #include "app/commands.hpp"
 #include "app/motion_run.hpp"
@@ -41,8 +39,7 @@ void jog(const JogOptions& options) {
         const auto now = [&axis] { return axis.objects().now(); };
         fmt::print("hold the right or left arrow key to move; up, down: faster, slower; space: stop; q: end\n");
         const Keyboard keyboard;
-        // The key gives the direction.
-        master::JogKeys keys(std::abs(std::max(velocity, -std::numeric_limits<std::int32_t>::max())));
+        master::JogKeys keys(velocity);
         axis.jog(
             profile,
             [&](const master::AxisStatus& status) {
