@@ -8,12 +8,13 @@ from line import PROGRAM, ApiError, Bench, wait_for
 
 
 def patiently(test):
-    """Repeats the action if a slave's watchdog (100 ms) expired, because a busy machine may delay the cycles."""
+    """Repeats the action if a slave's watchdog (100 ms) expired or its master gave up, because a busy machine may delay
+    the cycles."""
     for _ in range(8):
         try:
             return test()
         except (ApiError, AssertionError) as error:
-            if not any(word in str(error) for word in ("watchdog", "SAFEOP", "do not come back", "lost")):
+            if not any(word in str(error) for word in ("watchdog", "SAFEOP", "do not come back", "not exchanged", "lost")):
                 raise
             last = error
             time.sleep(2)

@@ -98,6 +98,9 @@ class EthercatLine {
   // True: the next frame is lost on its way to the slaves, or on its way back.
   std::function<bool()> lost_out = [] { return false; };
   std::function<bool()> lost_back = [] { return false; };
+  // True: the next frame reaches the slaves together with the frame after it, as from the socket of a program that the
+  // system has not run for a while.
+  std::function<bool()> queued_out = [] { return false; };
   // Additional delay of the next frame on its way back.
   std::function<Time()> delay_back = [] { return Time{}; };
   std::function<void(EthercatDevice&, Time)> on_poll;
@@ -113,17 +116,9 @@ class EthercatLine {
     void send(std::span<const std::uint8_t> content) override {
       ++line_.frames;
       if (line_.lost_out()) return;
-      std::vector<std::uint8_t> bytes(content.begin(), content.end());
-      line_.advance(line_.now);
-      const auto passage = line_.segment->process(bytes, line_.now, ethercat::Segment::Port::primary,
-                                                  ethercat::Segment::Encapsulation::payload);
-      for (EthercatDevice& device : line_.devices) {
-        if (device.slave.wants_poll(line_.now)) device.slave.poll(line_.now);
-      }
-      if (passage.exit != ethercat::Segment::Exit::primary || line_.lost_back()) return;
-      const Time at = passage.leaves + frame_time + line_.delay_back();
-      const auto later = std::find_if(coming_.begin(), coming_.end(), [at](const Coming& one) { return one.at > at; });
-      coming_.insert(later, {at, std::move(bytes)});
+      queue_.emplace_back(content.begin(), content.end());
+      if (line_.queued_out()) return;
+      for (std::vector<std::uint8_t>& bytes : std::exchange(queue_, {})) pass(std::move(bytes));
     }
     std::size_t receive(std::span<std::uint8_t> into, Time timeout) override {
       const Time end = line_.now + timeout;
@@ -146,7 +141,20 @@ class EthercatLine {
       Time at;
       std::vector<std::uint8_t> bytes;
     };
+    void pass(std::vector<std::uint8_t> bytes) {
+      line_.advance(line_.now);
+      const auto passage = line_.segment->process(bytes, line_.now, ethercat::Segment::Port::primary,
+                                                  ethercat::Segment::Encapsulation::payload);
+      for (EthercatDevice& device : line_.devices) {
+        if (device.slave.wants_poll(line_.now)) device.slave.poll(line_.now);
+      }
+      if (passage.exit != ethercat::Segment::Exit::primary || line_.lost_back()) return;
+      const Time at = passage.leaves + frame_time + line_.delay_back();
+      const auto later = std::find_if(coming_.begin(), coming_.end(), [at](const Coming& one) { return one.at > at; });
+      coming_.insert(later, {at, std::move(bytes)});
+    }
     EthercatLine& line_;
+    std::vector<std::vector<std::uint8_t>> queue_;
     std::deque<Coming> coming_;
   };
 

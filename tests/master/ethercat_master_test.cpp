@@ -116,6 +116,24 @@ TEST(EthercatFrames, LostOnesAreSentAgain) {
   EXPECT_GT(line.master->lost_frames(), 20U);
 }
 
+// A program that simulates slaves may get no processor for longer than the master waits for a frame. It then receives
+// the frame and its repetition at once, and the slave is still busy with the first one.
+TEST(EthercatFrames, AnyFrameMayArriveTogetherWithItsRepetition) {
+  const auto frames_of = [](unsigned queued) {
+    EthercatLine line;
+    unsigned count = 0;
+    line.queued_out = [&] { return ++count == queued; };
+    const auto all = line.open();
+    SiiClient(*line.master, all[0]->station()).write_alias(7);
+    EthercatOperation operation(*line.master, line.found, all, {.cyclic = {.period = 1ms}});
+    all[0]->coe().write<std::int16_t>(0x2006, 0, 5);
+    EXPECT_EQ(all[0]->coe().read<std::int16_t>(0x2006), 5);
+    return count;
+  };
+  const unsigned frames = frames_of(0);
+  for (unsigned queued = 1; queued <= frames; ++queued) EXPECT_EQ(problem_of([&] { frames_of(queued); }), "") << queued;
+}
+
 TEST(EthercatFrames, SilenceSaysWhatWhereAndWhatToDo) {
   EthercatLine line;
   line.lost_out = [] { return true; };

@@ -187,11 +187,16 @@ void EthercatMaster::read(std::uint16_t station, std::uint16_t offset, std::span
   if (read_if_there(station, offset, into) == 0) absent(station, offset, "reading");
 }
 
-void EthercatMaster::write(std::uint16_t station, std::uint16_t offset, std::span<const std::uint8_t> bytes) {
+unsigned EthercatMaster::write_if_accepted(std::uint16_t station, std::uint16_t offset,
+                                           std::span<const std::uint8_t> bytes) {
   std::vector<std::uint8_t> data(bytes.begin(), bytes.end());
   EthercatDatagram datagram{.command = Command::fpwr, .address = ethercat::address_of(station, offset), .data = data};
   exchange(datagram);
-  if (datagram.counter == 0) absent(station, offset, "writing");
+  return datagram.counter;
+}
+
+void EthercatMaster::write(std::uint16_t station, std::uint16_t offset, std::span<const std::uint8_t> bytes) {
+  if (write_if_accepted(station, offset, bytes) == 0) absent(station, offset, "writing");
 }
 
 unsigned EthercatMaster::write_all(std::uint16_t offset, std::span<const std::uint8_t> bytes) {

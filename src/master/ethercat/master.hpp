@@ -89,6 +89,9 @@ class EthercatMaster {
   }
   // Like read(), but returns the working counter (0 or 1) instead of throwing if the slave does not answer.
   unsigned read_if_there(std::uint16_t station, std::uint16_t offset, std::span<std::uint8_t> into);
+  // Like write(), but returns the working counter (0 or 1) instead of throwing if the slave is absent or ignores the
+  // write, as a slave whose SII memory is busy ignores 0502h.
+  unsigned write_if_accepted(std::uint16_t station, std::uint16_t offset, std::span<const std::uint8_t> bytes);
 
   // Writes to all slaves; returns the number that accepted it.
   unsigned write_all(std::uint16_t offset, std::span<const std::uint8_t> bytes);

@@ -26,7 +26,8 @@ constexpr std::uint16_t busy = 0x8000;
 constexpr Time busy_timeout = 2s;  // an EEPROM needs at most 10 ms for a word; for a simulated one it depends on the
                                    // load of the computer
 constexpr Time sii_poll_interval = 100us;
-constexpr unsigned attempts = 3;  // an EEPROM that is still writing does not acknowledge
+constexpr unsigned attempts = 3;  // an EEPROM that is still writing does not acknowledge; a busy memory ignores a
+                                  // command that is sent again because its frame returned late
 
 constexpr std::size_t categories_word = 0x40;
 constexpr std::uint16_t end_of_categories = 0xFFFF;
@@ -75,10 +76,14 @@ SiiClient::Status SiiClient::command(std::uint16_t control, std::uint16_t word, 
     ethercat::store_u32(&registers[2], word);
     std::copy(data.begin(), data.end(), registers.begin() + 6);
     // Control, address and data go in one datagram, because the write enable is valid only within its frame.
-    master_.write(station_, reg::sii_control, registers);
+    const bool accepted = master_.write_if_accepted(station_, reg::sii_control, registers) != 0;
     const Status status = wait_until_idle(word);
-    if ((status.bits & (acknowledge_error_bit | write_enable_error_bit)) == 0) return status;
+    if (accepted && (status.bits & (acknowledge_error_bit | write_enable_error_bit)) == 0) return status;
     if (attempt < attempts) continue;
+    if (!accepted) {
+      fail(word, "the slave ignores commands to the memory (working counter 0)",
+           "check that no other master is active; then switch the slave off and on");
+    }
     if ((status.bits & write_enable_error_bit) != 0) {
       fail(word, "the slave refuses the write", "check whether its EEPROM is write-protected");
     }
