@@ -85,7 +85,8 @@ class CanDrive:
 class EtherCatDrive:
     """pysoem: the slave in Pre-Operational, and SDOs by CoE. The mailbox answers while the line's time stands.
 
-    pysoem waits 2 ms for a frame, and a busy computer can be later: each access is repeated until it succeeds.
+    pysoem waits 2 ms for a frame, and a busy computer can be later. A start with lost frames would leave a mailbox that
+    is set up wrong, so it gets longer timeouts; later accesses are repeated until they succeed.
     """
 
     step_ms = 0.5
@@ -93,6 +94,9 @@ class EtherCatDrive:
     def __init__(self, interface, clock):
         import pysoem
 
+        timeouts_us = pysoem.settings.timeouts
+        timeouts_us.ret = 200_000
+        timeouts_us.safe = timeouts_us.eeprom = timeouts_us.tx_mailbox = timeouts_us.rx_mailbox = timeouts_us.state = 5_000_000
         self.clock = clock
         self.errors = (pysoem.WkcError, pysoem.PacketError, pysoem.MailboxError)
         self.master = pysoem.Master()
