@@ -19,6 +19,17 @@ INIT, PREOP, BOOT, SAFEOP, OP = 1, 2, 3, 4, 8
 ERROR = 0x10
 
 
+def set_watchdog(slave, ms):
+    """pysoem waits for these registers for a few ms, whatever its timeouts are: this repeats until it succeeds."""
+    deadline = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return slave.set_watchdog("processdata", ms)
+        except pysoem.WkcError:
+            if time.monotonic() > deadline:
+                raise
+
+
 class Master:
     def __init__(self, interface, second=None):
         self.soem = pysoem.Master()
@@ -55,7 +66,7 @@ class Master:
 
         def prepare(slave):  # pysoem also calls it when a slave returns (reconfig)
             if watchdog_ms:
-                slave.set_watchdog("processdata", watchdog_ms)
+                set_watchdog(slave, watchdog_ms)
             if dc_cycle_ns:
                 slave.dc_sync(True, dc_cycle_ns)
 
