@@ -132,8 +132,8 @@ endfunction()
 # files are compiled at a time, since their headers cost more than they do: what a file declares is in a namespace of the
 # file's name. A file under ALONE becomes a program of its own, because it replaces something in the whole program. COMPUTES:
 # with sanitizers the tests run for longer than it takes to optimise them.
-# RELEASED: files whose tests are about the released code (its bits, its allocations), or take long with the address sanitizer,
-# where only each fifth of them runs. SERVODROME_ONLY_RELEASED_TESTS selects these, and those that include draws.hpp.
+# RELEASED: files whose tests are about the released code (its bits, its allocations), or take long with a sanitizer, where only
+# each fifth of them runs. SERVODROME_ONLY_RELEASED_TESTS selects these, and those that include draws.hpp.
 # LONG: files whose tests take more than five seconds and depend on no real time. `./test --quick` leaves them out.
 function(servodrome_tests_in_folder)
   cmake_parse_arguments(arg "COMPUTES" "" "DEPENDS;ALONE;RELEASED;LONG" ${ARGN})
@@ -152,7 +152,7 @@ function(servodrome_tests_in_folder)
       endif()
     endif()
     set(environment)
-    if(name IN_LIST arg_RELEASED AND SERVODROME_SANITIZE MATCHES "address")
+    if(name IN_LIST arg_RELEASED AND SERVODROME_SANITIZE)
       set(environment GTEST_TOTAL_SHARDS=5 GTEST_SHARD_INDEX=0)
     endif()
     if(name IN_LIST arg_ALONE)
